@@ -26,7 +26,19 @@ SI: Final = {"t": "s", "u_x": "N", "u_y": "N", "v_x": "V", "v_y": "V", "omega_z"
              "a_x": "m/s2", "a_y": "m/s2", "v_bias": "V"}  # fmt: skip
 
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
-    "t": ("t", "time", "zeit", "timestamp", "x_value", "elapsed_time", "sampling_time", *MEASURED["s"]),
+    "t": (
+        "t",
+        "time",
+        "zeit",
+        "timestamp",
+        "zeitstempel",
+        "uhrzeit",
+        "datetime",
+        "x_value",
+        "elapsed_time",
+        "sampling_time",
+        *MEASURED["s"],
+    ),
     "u_x": ("u_x", "ux", "fx", "f_x", "force_x", "drive_x", "u1", "u", "force", "input", "v1", "torque", "tau"),
     "u_y": ("u_y", "uy", "fy", "f_y", "force_y", "drive_y", "u2"),
     "v_x": ("v_x", "vx", "sense_x", "out_x", "y1", "output", "v2", "position", "displacement", "angle", "theta", "pos"),

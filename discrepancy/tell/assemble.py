@@ -15,8 +15,8 @@ from discrepancy.data.record import Floats, is_driven
 from discrepancy.data.repeats import repeated_noise
 from discrepancy.fit.colour import gain
 from discrepancy.fit.continuation import LAST_ROUNDS, unsprung
-from discrepancy.fit.defect import Defect, Left, distortion_names, disturbances, effect_of
-from discrepancy.fit.fitted import Fitted
+from discrepancy.fit.defect import Defect, Left, distortion_names, disturbances, effect_of, quantity_of
+from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.limits import SAME
 from discrepancy.fit.locate import located
 from discrepancy.fit.measures import misfits, start_fitted, started
@@ -450,8 +450,16 @@ def _doubts(search: Search, rest: Remainder, residuals: Sequence[Floats]) -> tup
         # with a spring that is none.
         none = value == 0.0 or (free.name in ("kxx", "kyy") and unsprung(search.whole, search.at))
         if value in (free.low, free.high) and not none:
-            found.append(f"{free.name} = {value:.6g} stands at the bound of what it can be")
+            found.append(_at_bound(search, free, value))
     return tuple(found)
+
+
+def _at_bound(search: Search, free: Free, value: float) -> str:
+    """What it means that a parameter stands at a bound: of a shape that of its search."""
+    if quantity_of(search.simulator.model, free.name).role != "shape":
+        return f"{free.name} = {value:.6g} stands at the bound of what it can be"
+    tried, more = ("least", "less") if value == free.low else ("most", "more")
+    return f"{free.name} = {value:.6g} is the {tried} that was tried: it may be {more}"
 
 
 def _scaled(search: Search) -> list[str]:

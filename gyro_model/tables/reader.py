@@ -12,6 +12,7 @@ import polars as pl
 from gyro_model.errors import InputError
 from gyro_model.tables.dialect import Dialect, decoded, dialect_of
 from gyro_model.tables.formats import READERS, frame_of
+from gyro_model.tables.stamps import in_seconds
 from gyro_model.tables.table import Table
 
 TEXT: Final = (".csv", ".csv.gz", ".txt", ".tsv", ".dat", ".asc", ".lvm")
@@ -22,7 +23,8 @@ SUFFIXES: Final = (*TEXT, ".parquet", *READERS)
 def read_table(path: Path) -> Table:
     """The table in a file: text in any dialect, .parquet, .npy, .npz, .mat, and with further packages HDF5 and TDMS.
 
-    Raises InputError where there is no such file, it can't be read, or it holds no table.
+    Stamps of date and time are seconds since the first. Raises InputError where there is no such file, it can't be
+    read, or it holds no table.
     """
     try:
         content = path.read_bytes()
@@ -44,7 +46,7 @@ def read_table(path: Path) -> Table:
         raise InputError(f"table {path} is no table with a header line: {reason}") from None
     if frame.width == 0:
         raise InputError(f"table {path} has no columns: give a header line and rows")
-    return Table(str(path), frame)
+    return Table(str(path), in_seconds(frame))
 
 
 def parsed(content: bytes) -> pl.DataFrame:

@@ -1,6 +1,7 @@
 """The table reader: three kinds of file, columns in SI, and what is refused in one line."""
 
 import gzip
+from datetime import datetime, timedelta
 from math import pi
 from pathlib import Path
 
@@ -203,3 +204,44 @@ def test_what_is_no_array_within_a_struct_is_left_out(tmp_path: Path, monkeypatc
     monkeypatch.setattr(io, "loadmat", lambda *_, **__: {"own": made.reshape(1, 1)})
     (tmp_path / "own.mat").write_bytes(bytes(600))
     assert read_table(tmp_path / "own.mat").headings == ["own.wave"]
+
+
+STAMPS = {
+    "ISO 8601": ("2025-03-04T23:59:59.500Z", "2025-03-05T00:00:00.25Z", "2025-03-05T00:00:01Z"),
+    "ISO 8601 with a zone": (
+        "2025-03-04T23:59:59.500+01:00",
+        "2025-03-05T00:00:00.25+01:00",
+        "2025-03-05T00:00:01+01:00",
+    ),
+    "a blank between": ("2025-03-04 23:59:59.500", "2025-03-05 00:00:00.250", "2025-03-05 00:00:01.000"),
+    "German": ("04.03.2025 23:59:59,500", "05.03.2025 00:00:00,250", "05.03.2025 00:00:01,000"),
+    "day first": ("4/3/2025 23:59:59.500", "5/3/2025 0:00:00.250", "5/3/2025 0:00:01.000"),
+    "month first": ("3/14/2025 23:59:59.500", "3/15/2025 0:00:00.250", "3/15/2025 0:00:01.000"),
+    "time of day": ("09:30:00.500", "09:30:01.250", "09:30:02"),
+}
+
+
+@pytest.mark.parametrize("stamps", STAMPS.values(), ids=STAMPS)
+def test_stamps_of_date_and_time_are_seconds_since_the_first(tmp_path: Path, stamps: tuple[str, ...]) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("".join(f'"{a}";{b}\n' for a, b in (("stamp", "x"), *zip(stamps, (1, 2, 3), strict=True))))
+    table = read_table(path)
+    assert table.times("stamp") == pytest.approx([0.0, 0.75, 1.5], abs=1e-9)
+    assert table.numbers("x").tolist() == [1, 2, 3]
+
+
+def test_stamps_of_other_files_are_seconds_too(tmp_path: Path) -> None:
+    begin, steps = datetime(2025, 3, 4, 23, 59, 59), [timedelta(milliseconds=own) for own in (0, 750, 1500)]
+    frame = pl.DataFrame({"date": [begin + own for own in steps], "since": steps})
+    for unit in ("ms", "us", "ns"):
+        frame.with_columns(pl.col("date").dt.cast_time_unit(unit)).write_parquet(tmp_path / "log.parquet")
+        table = read_table(tmp_path / "log.parquet")
+        assert table.times("date") == pytest.approx([0.0, 0.75, 1.5], abs=1e-9)
+        assert table.numbers("since") == pytest.approx([0.0, 0.75, 1.5], abs=1e-9)
+
+
+def test_what_is_no_stamp_in_every_row_stays_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("stamp,x\n2025-03-04 09:30:00,1\nlater,2\n2025-03-04 09:30:02,3\n")
+    with pytest.raises(InputError, match="'2025-03-04 09:30:00' in row 1"):
+        read_table(path).times("stamp")
