@@ -37,13 +37,14 @@ FIRST: Final = "effects without which a linear fit goes astray"
 def begin(given: Given, simulator: Simulator) -> Search:
     """The search with the nominal model fitted, and blemishes of the record taken out."""
     given.progress("nominal parameters and initial states")
-    if given.dataset.shown is not given.dataset:
+    shown = given.dataset.shown
+    if shown is not given.dataset:
         given.progress("the force ran on between samples")
-    data = given.dataset.shown.since_start()
+    data = shown.since_start()
     whole = Fitter(simulator, data.fit, criteria=given.criteria)
     nominal = nominal_of(simulator.model, data)
-    late = lateness(data.fit, nominal)
-    at = whole.begin(nominal, believed(simulator.model, data, nominal), late.records if late else None)
+    late = lateness(shown.fit, nominal)
+    at = whole.begin(nominal, believed(simulator.model, data, nominal), late.records if late else shown.fit)
     search = Search.of(given, data, whole, at)
     search.until(BEGIN)
     search = _with_delay(search, late.delay) if late else _with_first(search)

@@ -38,6 +38,7 @@ def test_parts_end_with_the_whole_and_openings_are_no_shorter_than_worth_it(runs
     class Run:
         t: range
         v: Floats
+        drift: None = None
 
     numbers = parts([Run(range(n), np.ones((n, 1))) for n in runs])  # type: ignore[misc]
     assert numbers[-1] == 1
@@ -52,7 +53,7 @@ def test_openings_have_what_moves_in_them() -> None:
     # A sweep that comes to its resonance after so much of the run, a hundredth as wide.
     for passed, most in ((0.02, 32), (0.1, 8), (0.3, 1), (0.9, 1)):
         v = 0.01 * np.sin(2 * np.pi * 400 * t) + np.exp(-(((t - passed) / 0.01) ** 2))
-        run = SimpleNamespace(t=t, v=v[:, None])
+        run = SimpleNamespace(t=t, v=v[:, None], drift=None)
         assert parts([run, run])[0] == most  # type: ignore[list-item]
 
 
@@ -90,7 +91,7 @@ def test_two_effects_are_found_with_less_simulated(monkeypatch: pytest.MonkeyPat
 def test_openings_grow_to_those_that_may_show_something(statistic: float, share: float, expected: int) -> None:
     result = Score(statistic, 1, share, (1.0,), (1.0,), 1.0, 1.0)
     # 30 runs of 40,000 samples are cut into 20 parts, 5, and 1.
-    runs = SimpleNamespace(fit=[SimpleNamespace(t=range(40_000), v=np.ones((40_000, 1)))] * 30)
+    runs = SimpleNamespace(fit=[SimpleNamespace(t=range(40_000), v=np.ones((40_000, 1)), drift=None)] * 30)
     scored = [(SimpleNamespace(trials=1), result)]
     search: Any = SimpleNamespace(dataset=runs, number=20, scored=scored, criteria=Criteria())
     assert fewer_parts(search) == expected

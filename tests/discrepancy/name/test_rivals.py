@@ -129,7 +129,7 @@ def test_a_rival_as_probable_as_the_name_is_its_either(
     [("parasitic_mode", 8000, 4), ("parasitic_mode", 7999, 1), ("cubic_stiffness", 8000, 1)],
 )
 def test_others_are_tried_on_a_quarter_where_whole_runs_are_dear(name: str, samples: int, expected: int) -> None:
-    fitter: Any = SimpleNamespace(records=[SimpleNamespace(t=range(samples))])
+    fitter: Any = SimpleNamespace(records=[SimpleNamespace(t=range(samples), drift=None)])
     entry = Accepted(Candidate(MODEL.effect(name), (), {}), 0.1, {})
     assert _trial_parts(blank_search(fitter=fitter), entry) == expected
 
