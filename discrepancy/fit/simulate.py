@@ -332,12 +332,12 @@ class Simulator:
         return tuple(self.part(record, int(own[0]), int(own[-1]) + 1, counted) for own in rows)
 
     def part(self, record: Record, begin: int, end: int, counted: int | None = None) -> Record:
-        """Samples ``begin`` to ``end`` of ``record``, under the force that they have in the whole, all but the first
-        ``counted`` masked."""
+        """Samples ``begin`` to ``end`` of ``record``, under the force that they have in the whole; counted: so many
+        from the first that counts on, all later ones masked."""
         own = slice(begin, end)
         valid = record.valid[own].copy()
         if counted is not None:
-            valid[counted:] = False
+            valid[int(np.argmax(valid)) + counted :] = False
         if begin and record.order == 2 and record.hold == "zero":
             # An accelerometer sees the force before it changes, and that is another part's.
             valid[0] = False

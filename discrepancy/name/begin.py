@@ -37,14 +37,13 @@ FIRST: Final = "effects without which a linear fit goes astray"
 def begin(given: Given, simulator: Simulator) -> Search:
     """The search with the nominal model fitted, and blemishes of the record taken out."""
     given.progress("nominal parameters and initial states")
-    shown = given.dataset.shown
-    if shown is not given.dataset:
+    data = given.dataset.shown
+    if data is not given.dataset:
         given.progress("the force ran on between samples")
-    data = shown.since_start()
     whole = Fitter(simulator, data.fit, criteria=given.criteria)
     nominal = nominal_of(simulator.model, data)
-    late = lateness(shown.fit, nominal)
-    at = whole.begin(nominal, believed(simulator.model, data, nominal), late.records if late else shown.fit)
+    late = lateness(data.fit, nominal)
+    at = whole.begin(nominal, believed(simulator.model, data, nominal), late.records if late else None)
     search = Search.of(given, data, whole, at)
     search.until(BEGIN)
     search = _with_delay(search, late.delay) if late else _with_first(search)
@@ -91,7 +90,8 @@ def _with_delay(search: Search, delay: float) -> Search:
     delayed = whole.evaluated(replace(plain, parameters=own, free=(*plain.free, *candidate.free(whole.period))))
     search.progress(f"accepted {candidate.effect.id}: without it no model stays in step")
     accepted = Accepted(candidate, 1 - delayed.cost / plain.cost, {})
-    return replace(search, accepted=(accepted,), steps=(Step({}, candidate.effect.id),), at=delayed)
+    search = replace(search, accepted=(accepted,), steps=(Step({}, candidate.effect.id),), at=delayed)
+    return search.without_first_samples()
 
 
 def _with_first(search: Search) -> Search:

@@ -96,6 +96,7 @@ def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
         "refused": _list_of(_one_of(effects)),
         "clip": _optional(_number(0.0, above=True)),
         "hold": _one_of(get_args(Hold)),
+        "without_first": _whole(0, 1),
         "begun": _whole(0, 1),
         "blemishes": _list_of(_row(_one_of(effects), _list_of(_list_of(_number(), longest)), _mapping(settable | {
             q.name for d in defects() for q in d.parameters}, _row(_number(), _number(), _number())))),

@@ -12,7 +12,7 @@ from discrepancy.fit.openings import Opening, parts
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name.accepted import Accepted, Refit
 from discrepancy.name.begin import tidy
-from discrepancy.name.columns import on_the_way
+from discrepancy.name.columns import comes_late, on_the_way
 from discrepancy.name.competition import best_refit, longer, near, own_filter, refitted, rivals, weak
 from discrepancy.name.exchange import delete, exchange
 from discrepancy.name.further import Wider
@@ -135,6 +135,8 @@ def _accepted(search: Search, best: Refit) -> Search:
         steps=(*search.steps, Step(scores, candidate.effect.id)),
         accepted=(*search.accepted, *(Accepted(own, share, {}) for own in taken)),
     )
+    if comes_late(candidate.effect):
+        search = search.without_first_samples()
     return search.fitted_or_kept(best.at, nearly_settled if search.number > 1 else settled)
 
 

@@ -27,7 +27,7 @@ def let_run_on(search: Search) -> Search:
     told = data.hold_stated or not is_driven(data.fit) or data.hold != "zero"
     if told or search.fitter is not search.whole:
         return search
-    other = Fitter(search.simulator, data.held(RUNS_ON).since_start().fit, criteria=search.criteria)
+    other = Fitter(search.simulator, data.held(RUNS_ON).fit, criteria=search.criteria)
     if not _plainly_less(search.whole, other, search.at):
         return search
     run_on = search.held(RUNS_ON).fitted(search.at)

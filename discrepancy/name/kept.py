@@ -37,7 +37,16 @@ def resumed(given: Given, simulator: Simulator, terms: Sequence[tuple[Term, ...]
     whole = Fitter(simulator, dataset.fit, criteria=given.criteria)
     store.columns_into(simulator.seen, state["columns"])
     search = Search.of(given, dataset, whole, store.fit_from(whole, state["at"])[1])
-    return _restored(replace(search, terms=tuple(terms), blemishes=blemishes, clip=state["clip"]), state)
+    return _restored(
+        replace(
+            search,
+            terms=tuple(terms),
+            blemishes=blemishes,
+            clip=state["clip"],
+            without_first=bool(state["without_first"]),
+        ),
+        state,
+    )
 
 
 def _state(search: Search) -> dict[str, Any]:
@@ -48,6 +57,7 @@ def _state(search: Search) -> dict[str, Any]:
         "refused": sorted(search.refused),
         "clip": search.clip,
         "hold": search.dataset.hold,
+        "without_first": int(search.without_first),
         "begun": int(any(record.begun for record in search.dataset.records)),
         "blemishes": [[b.id, list(map(list, f.data)), {k: list(v) for k, v in f.levels.items()}] for b, f in found],
         "at": store.fit_state(search.whole, search.fitter, search.at),
@@ -92,7 +102,8 @@ def _record(
     """The runs without what ``state`` has found to be the record's, and that."""
     if state["hold"] != dataset.hold:
         dataset = dataset.held(state["hold"])
-    dataset = dataset.since_start()
+    if state["without_first"]:
+        dataset = dataset.since_start()
     if state["begun"]:
         dataset = begun(dataset)
     if state["clip"] is not None:

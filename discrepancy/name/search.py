@@ -81,15 +81,16 @@ class Seen(NamedTuple):
 class Search:
     """The state of a search: what is accepted, and the model fitted with it (``at``, over the runs of ``fitter``).
 
-    dataset: the runs without what was found to be the record's, ``blemishes`` and samples beyond ``clip``; whole: the
-    fitter of whole runs; terms: by further search, what it added to the model; refitted: the fit of the nominal model,
-    with ``refitted_state`` to make it again; refused: ids of effects given up; refuted: ids of those in the model in
-    whose place a term fits better that there was no time to take in; shortest: into how many parts runs are cut where
-    effects are looked for first; number, opening, library: into how many now, the fitter of the first parts, and
-    candidates there; probes, silent: what libraries have found so far, which all states of a search share; full:
-    whether no more effects are allowed; questioned: whether each name has stood a test by data that no fit saw; weak:
-    what a term has to take to come before the best effect, one of those ``waiting``; offered: whether that was asked;
-    instead: by id what was tried in the place of an effect; undone: what there was no time for; failed: what ended
+    dataset: the runs without what was found to be the record's, ``blemishes`` and samples beyond ``clip``, and, where
+    ``without_first`` says so, without the first samples of each; whole: the fitter of whole runs; terms: by further
+    search, what it added to the model; refitted: the fit of the nominal model, with ``refitted_state`` to make it
+    again; refused: ids of effects given up; refuted: ids of those in the model in whose place a term fits better that
+    there was no time to take in; shortest: into how many parts runs are cut where effects are looked for first; number,
+    opening, library: into how many now, the fitter of the first parts, and candidates there; probes, silent: what
+    libraries have found so far, which all states of a search share; full: whether no more effects are allowed;
+    questioned: whether each name has stood a test by data that no fit saw; weak: what a term has to take to come before
+    the best effect, one of those ``waiting``; offered: whether that was asked; instead: by id what was tried in the
+    place of an effect; undone: what there was no time for; failed: what ended
     without numbers.
     """
 
@@ -111,6 +112,7 @@ class Search:
     terms: tuple[tuple[Term, ...], ...] = ()
     blemishes: tuple[tuple[Blemish, Found], ...] = ()
     clip: float | None = None
+    without_first: bool = False
     accepted: tuple[Accepted, ...] = ()
     dropped: tuple[Dropped, ...] = ()
     refused: frozenset[str] = frozenset()
@@ -225,6 +227,7 @@ class Search:
 
     def on(self, dataset: Dataset) -> "Search":
         """Goes on with these runs; what is fitted is as it was."""
+        dataset = dataset.since_start() if self.without_first else dataset
         whole = Fitter(self.simulator, dataset.fit, criteria=self.criteria)
         state = store.on_other_data(whole, self.refitted_state) if self.refitted_state else None
         return replace(self, dataset=dataset, whole=whole, refitted_state=state).opened(self.number)
@@ -239,9 +242,13 @@ class Search:
         starts = search.whole.starts(self.at.parameters)
         return replace(search, fitter=search.whole, at=search.whole.evaluated(replace(self.at, starts=starts)))
 
+    def without_first_samples(self) -> "Search":
+        """Goes on without the first samples of runs, in which what acted before them comes late."""
+        return self if self.without_first else replace(self, without_first=True).on(self.dataset)
+
     def held(self, hold: Hold) -> "Search":
         """Goes on with forces that ran so between samples."""
-        return self.on(self.dataset.held(hold).since_start())
+        return self.on(self.dataset.held(hold))
 
     def cleaned(self, blemish: Blemish, data: Sequence[Data]) -> "Search":
         """Goes on with the runs to fit without what ``data`` say."""
