@@ -25,7 +25,7 @@ PLAIN: Final = 30.0
 records without a drift, linear and not, at rest for a part of the time and never, none reached 22 in all runs."""
 SLOW: Final = 0.7
 """Share of all that is below half of what drives which these curves are, in every run. Of the same with a drift of 2 to
-50 % of the motion both held for four in five; of the others half were masses that friction holds part of the time."""
+50 % of the motion both held for four in five; masses that friction holds for a part of the time are hard to tell."""
 BANDS: Final = 8
 """Into which all that drives the device is cut."""
 BENT, BENDS = 2, 0.1
