@@ -8,7 +8,7 @@ section 4.1.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -61,12 +61,12 @@ def _lowest(record: Record) -> int:
 def _held(record: Record) -> bool:
     """Whether a place answers most to other than the slowest that drives it: a mass that no spring holds goes on with
     the speed that it began with."""
-    if not record.u.any():
-        return False
     quick = record.v - curves(len(record.v), FEWEST) @ _numbers(record, record.v)
     force, answer = (_power(s).sum(axis=1)[1:] for s in (record.u, quick))
     f = np.arange(1, len(force) + 1)
     driven = force > DRIVEN * force.max()
+    if not driven.any():
+        return False
     bands = np.digitize(np.log(f), np.linspace(np.log(f[driven][0]), np.log(f[driven][-1] + 1), BANDS + 1))[driven]
     moved, pushed = (np.bincount(bands, s[driven], BANDS + 1)[1:] for s in (answer / f ** (2.0 * record.order), force))
     return bool(np.argmax(moved / np.maximum(pushed, DRIVEN * pushed.max())) > 0)
@@ -74,28 +74,43 @@ def _held(record: Record) -> bool:
 
 def _wanders(records: Sequence[Record], axis: int) -> bool:
     """Whether the voltage of an axis has such curves of its own in the runs."""
-    shares, densities, found, explained = [], [], [], []
     scale = max(float(np.std(record.v[:, axis])) for record in records)
-    common = set.intersection(*(set(record.conditions) for record in records))
+    parts = [_slow(record, axis) for record in records]
+    if not scale or min(own.share for own in parts) < SLOW or min(own.density for own in parts) < PLAIN:
+        return False
+    common = sorted(set.intersection(*(set(record.conditions) for record in records)))
     peaks = {name: max(float(np.abs(record.conditions[name]).max()) for record in records) or 1.0 for name in common}
-    for record in records:
-        v, top = record.v[:, axis], max(_lowest(record) // 2, 2)
-        numbers = _numbers(record, v[:, None])
-        slow: Floats = (curves(len(v), FEWEST) @ numbers)[:, 0]
-        own, beside = (float(_power(part)[:top].sum()) for part in (slow, v - slow))
-        shares.append(own / (own + beside))
-        densities.append(own / FEWEST / max(beside / top, 1e-300))
+    found, explained = [], []
+    for record, own in zip(records, parts, strict=True):
         # An offset and a line of all runs, and what bends in the motion, which has a mean besides.
-        alike = [np.ones(len(v)), np.linspace(-1, 1, len(v)), ((v - slow) / scale) ** 2]
-        alike += [record.conditions[name] / peaks[name] for name in peaks]
-        found.append(numbers[:, 0])
+        alike = [np.ones(len(own.rest)), np.linspace(-1, 1, len(own.rest)), (own.rest / scale) ** 2]
+        alike += [record.conditions[name] / peaks[name] for name in common]
+        found.append(own.numbers)
         explained.append(_numbers(record, np.column_stack(alike)))
     what, by = np.concatenate(found), np.vstack(explained)
     bend = float(np.clip(np.linalg.lstsq(by, what, rcond=None)[0][BENT], -BENDS * scale, BENDS * scale))
     rest, others = what - bend * by[:, BENT], np.delete(by, BENT, axis=1)
     left = (rest - others @ np.linalg.lstsq(others, rest, rcond=None)[0]).reshape(len(records), -1)[:, 1:]
-    unlike = np.sum(left**2) > UNLIKE * np.sum(np.array(found)[:, 1:] ** 2)
-    return bool(unlike and min(densities) > PLAIN and min(shares) > SLOW)
+    return bool(np.sum(left**2) > UNLIKE * np.sum(np.array(found)[:, 1:] ** 2))
+
+
+class _Slow(NamedTuple):
+    """Of a voltage: the numbers of the curves that it is slow by, and the rest of it (n,); what they are of all below
+    half of what drives, and their density over that of the rest there."""
+
+    numbers: Floats
+    rest: Floats
+    share: float
+    density: float
+
+
+def _slow(record: Record, axis: int) -> _Slow:
+    v, top = record.v[:, axis], max(_lowest(record) // 2, 2)
+    numbers = _numbers(record, v[:, None])[:, 0]
+    slow: Floats = curves(len(v), FEWEST) @ numbers
+    own, beside = (float(_power(part)[:top].sum()) for part in (slow, v - slow))
+    beside = max(beside, 1e-300)
+    return _Slow(numbers, v - slow, own / (own + beside), own / FEWEST * top / beside)
 
 
 def _numbers(record: Record, values: Floats) -> Floats:
@@ -114,6 +129,6 @@ def _power(values: Floats) -> Floats:
 
 
 def _without(record: Record, order: int) -> Record:
-    """As what is simulated beside: without a window, which would leave the ends to what the curves do beyond it."""
+    """The run without the curves, as what is simulated beside loses them."""
     steady = replace(record, drift=Drift(record.v, order)).steady(record.v)
     return replace(record, v=steady, drift=Drift(record.v - steady, order))

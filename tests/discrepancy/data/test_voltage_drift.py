@@ -66,6 +66,16 @@ def test_what_may_be_another_thing_stays(records: list[Record]) -> None:
     assert all(a is b for a, b in zip(own, records, strict=True))
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("force", [np.zeros(500), np.ones(500), np.eye(1, 500)[0]], ids=["none", "constant", "a blow"])
+def test_runs_that_no_band_drives_are_as_they_are(force: Floats) -> None:
+    t = np.arange(500) / RATE
+    for v in (np.ones(500), t, np.sin(300 * t) + t):
+        both = [np.column_stack(own) for own in ((force, 0 * force), (v, 0 * v))]
+        for u, seen in ((force, v), both):
+            assert not steadied([make_record("a", t, u, s * seen, sample_rate=RATE) for s in (1, -1)])[1]
+
+
 @given(seed=st.integers(0, 2**32 - 1), order=st.integers(1, 11))
 def test_beside_a_drift_nothing_slow_counts(seed: int, order: int) -> None:
     rng = np.random.default_rng(seed)
