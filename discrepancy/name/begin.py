@@ -90,8 +90,7 @@ def _with_delay(search: Search, delay: float) -> Search:
     delayed = whole.evaluated(replace(plain, parameters=own, free=(*plain.free, *candidate.free(whole.period))))
     search.progress(f"accepted {candidate.effect.id}: without it no model stays in step")
     accepted = Accepted(candidate, 1 - delayed.cost / plain.cost, {})
-    search = replace(search, accepted=(accepted,), steps=(Step({}, candidate.effect.id),), at=delayed)
-    return search.without_first_samples()
+    return replace(search, accepted=(accepted,), steps=(Step({}, candidate.effect.id),), at=delayed)
 
 
 def _with_first(search: Search) -> Search:

@@ -12,11 +12,12 @@ from discrepancy.fit.openings import Opening, parts
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name.accepted import Accepted, Refit
 from discrepancy.name.begin import tidy
-from discrepancy.name.columns import comes_late, on_the_way
+from discrepancy.name.columns import on_the_way
 from discrepancy.name.competition import best_refit, longer, near, own_filter, refitted, rivals, weak
 from discrepancy.name.exchange import delete, exchange
 from discrepancy.name.further import Wider
 from discrepancy.name.kept import saved
+from discrepancy.name.lagging import has_its_place
 from discrepancy.name.look import fewer_parts, look
 from discrepancy.name.resisting import alike
 from discrepancy.name.scan import Scored, best_of
@@ -135,7 +136,7 @@ def _accepted(search: Search, best: Refit) -> Search:
         steps=(*search.steps, Step(scores, candidate.effect.id)),
         accepted=(*search.accepted, *(Accepted(own, share, {}) for own in taken)),
     )
-    if comes_late(candidate.effect):
+    if has_its_place(search):
         search = search.without_first_samples()
     return search.fitted_or_kept(best.at, nearly_settled if search.number > 1 else settled)
 

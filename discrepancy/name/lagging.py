@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from discrepancy.fit.defect import Distortion
 from discrepancy.name.accepted import Accepted
-from discrepancy.name.columns import Candidate
+from discrepancy.name.columns import Candidate, comes_late
 from discrepancy.name.scan import Scored
 from discrepancy.name.search import Search
 from gyro_model.anatomy import Delay, Force, Lag
@@ -19,13 +19,19 @@ from gyro_model.linear_forces import bends
 
 def other_lags(search: Search, entry: Accepted, scored: Sequence[Scored]) -> list[Scored]:
     """Of a delay or a lag beside a force that is not linear the others, as late as it is."""
-    model, late = search.simulator.model, _late(entry.candidate, search.at.parameters)
-    forces = [a.candidate.effect for a in search.accepted if isinstance(a.candidate.effect, Force)]
-    if not late or not any(bends(force, model) for force in forces):
+    late = _late(entry.candidate, search.at.parameters)
+    if not late or not has_its_place(search):
         return []
     others = [(c, s, _late(c, {**c.shapes, c.probes[0].quantity.name: c.probes[0].step})) for c, s in scored]
     return [(c, replace(s, amplitudes=(late / each,), moves={})) for c, s, each in others
             if each and c.effect.id != entry.id]  # fmt: skip
+
+
+def has_its_place(search: Search) -> bool:
+    """Whether something that comes late stands beside a force that is not linear, so that its place shows."""
+    own = [a.candidate.effect for a in search.accepted]
+    forces = [effect for effect in own if isinstance(effect, Force)]
+    return any(map(comes_late, own)) and any(bends(force, search.simulator.model) for force in forces)
 
 
 def _late(candidate: Candidate, parameters: Mapping[str, float]) -> float:
