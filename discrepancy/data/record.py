@@ -150,7 +150,7 @@ class Record:
                 )
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=2)
 def curves(n: int, order: int) -> Floats:
     """What is slow over a run of n samples: Legendre polynomials to that order, (n, order + 1)."""
     return np.asarray(np.polynomial.legendre.legvander(np.linspace(-1, 1, n), order), np.float64)

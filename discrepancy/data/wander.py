@@ -39,8 +39,10 @@ def steadied(records: Sequence[Record]) -> tuple[tuple[Record, ...], tuple[str, 
     """The runs without what their sensors wander by, and what to say; as they are where those to fit do not show it."""
     fit = [record for record in records if record.role == "fit"]
     alike = len({record.axes for record in records}) == 1
-    lowest = min(map(_lowest, records)) if fit and alike and all(map(_held, fit)) else 0
-    wanders = [axis for axis in range(fit[0].axes) if _wanders(fit, axis)] if lowest >= BELOW * FEWEST else []
+    lowest = min(map(_lowest, records)) if fit and alike else 0
+    if lowest < BELOW * FEWEST or not all(map(_held, fit)):
+        return tuple(records), ()
+    wanders = [axis for axis in range(fit[0].axes) if _wanders(fit, axis)]
     if not wanders:
         return tuple(records), ()
     order = min(int(lowest / BELOW), MOST)

@@ -53,11 +53,6 @@ def on_the_way(effect: Effect | Defect) -> bool:
     return isinstance(effect, Defect | Delay | Lag)
 
 
-def comes_late(effect: Effect | Defect) -> bool:
-    """Whether a slow signal comes later by it."""
-    return isinstance(effect, Delay | Lag) or (isinstance(effect, Distortion) and effect.late is not None)
-
-
 @dataclass(frozen=True)
 class Probe:
     """A size parameter away from neutral by ``step`` [its unit]; the voltage changes as its ``power``."""

@@ -17,7 +17,7 @@ from discrepancy.name.competition import own_filter, price, price_of_shapes
 from discrepancy.name.lagging import other_lags
 from discrepancy.name.look import look
 from discrepancy.name.resisting import alike, other_resistances
-from discrepancy.name.scan import Scored, best_of, other_forms
+from discrepancy.name.scan import Scan, Scored, best_of, other_forms
 from discrepancy.name.score import Score, score, taken_up
 from discrepancy.name.search import Search, attempt
 from gyro_model.anatomy import Force
@@ -190,13 +190,18 @@ def _looked(search: Search, among: Kind | None) -> Search:
     return look(replace(search, shortest=1), among)
 
 
+def _beside(scan: Scan, entry: Accepted) -> list[int]:
+    """The columns of a scan's fit that are not the effect's."""
+    return [i for i, f in enumerate(scan.at.free) if f.name not in entry.names]
+
+
 def _takes(search: Search, entry: Accepted) -> Score:
     """What the present fit, which was looked at, would lose without an effect, to first order, the other parameters
     taking up what they can."""
     assert search.seen
     scan = search.seen.scan
-    own = [i for i, f in enumerate(scan.at.free) if f.name in entry.names]
-    others = [i for i in range(scan.at.known) if i not in own]
+    others = _beside(scan, entry)
+    own = [i for i in range(scan.at.known) if i not in others]
     return score(scan.grams(scan.at, search.accepted.index(entry)), others, own, search.at.count)
 
 
@@ -206,7 +211,7 @@ def _begun_without(search: Search, entry: Accepted) -> Fitted:
     begun = search.without_effect(search.at, entry)
     assert search.seen
     scan = search.seen.scan
-    others = [i for i, f in enumerate(scan.at.free) if f.name not in entry.names]
+    others = _beside(scan, entry)
     total = scan.grams(scan.at, search.accepted.index(entry)).sum(axis=0)
     moved = dict(begun.parameters)
     for i, step in zip(others, taken_up(total, others, (), ()), strict=True):
@@ -219,7 +224,7 @@ def _stand_ins(search: Search, entry: Accepted) -> list[Scored]:
     """Effects that explain what ``entry`` does nearly as well, by their columns at the present fit."""
     assert search.seen
     least, scan = _takes(search, entry), search.seen.scan
-    others = [i for i, f in enumerate(scan.at.free) if f.name not in entry.names]
+    others = _beside(scan, entry)
     further = {name for name, copy in search.given.copies.items() if copy.further and copy.after == entry.id}
     scored = scan.scores(others, search.accepted.index(entry))
     enough = least.gain - 4 * search.criteria.even * least.inflation - 0.1 * least.gain

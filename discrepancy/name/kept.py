@@ -37,16 +37,7 @@ def resumed(given: Given, simulator: Simulator, terms: Sequence[tuple[Term, ...]
     whole = Fitter(simulator, dataset.fit, criteria=given.criteria)
     store.columns_into(simulator.seen, state["columns"])
     search = Search.of(given, dataset, whole, store.fit_from(whole, state["at"])[1])
-    return _restored(
-        replace(
-            search,
-            terms=tuple(terms),
-            blemishes=blemishes,
-            clip=state["clip"],
-            without_first=bool(state["without_first"]),
-        ),
-        state,
-    )
+    return _restored(replace(search, terms=tuple(terms), blemishes=blemishes, clip=state["clip"]), state)
 
 
 def _state(search: Search) -> dict[str, Any]:
@@ -92,6 +83,7 @@ def _restored(search: Search, state: Mapping[str, Any]) -> Search:
         stages=tuple((name, dict(parameters)) for name, parameters in state["stages"]),
         shortest=state["shortest"],
         offered=bool(state["offered"]),
+        without_first=bool(state["without_first"]),
         probes=store.probes_from(model, state["probes"]),
     ).opened(state["opening"])
 

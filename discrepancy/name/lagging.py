@@ -8,12 +8,12 @@ would fit.
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from discrepancy.fit.defect import Distortion
+from discrepancy.fit.defect import Defect, Distortion
 from discrepancy.name.accepted import Accepted
-from discrepancy.name.columns import Candidate, comes_late
+from discrepancy.name.columns import Candidate
 from discrepancy.name.scan import Scored
 from discrepancy.name.search import Search
-from gyro_model.anatomy import Delay, Force, Lag
+from gyro_model.anatomy import Delay, Effect, Force, Lag
 from gyro_model.linear_forces import bends
 
 
@@ -31,7 +31,11 @@ def has_its_place(search: Search) -> bool:
     """Whether something that comes late stands beside a force that is not linear, so that its place shows."""
     own = [a.candidate.effect for a in search.accepted]
     forces = [effect for effect in own if isinstance(effect, Force)]
-    return any(map(comes_late, own)) and any(bends(force, search.simulator.model) for force in forces)
+    return any(map(_comes_late, own)) and any(bends(force, search.simulator.model) for force in forces)
+
+
+def _comes_late(effect: Effect | Defect) -> bool:
+    return isinstance(effect, Delay | Lag) or (isinstance(effect, Distortion) and effect.late is not None)
 
 
 def _late(candidate: Candidate, parameters: Mapping[str, float]) -> float:

@@ -90,8 +90,7 @@ class Search:
     libraries have found so far, which all states of a search share; full: whether no more effects are allowed;
     questioned: whether each name has stood a test by data that no fit saw; weak: what a term has to take to come before
     the best effect, one of those ``waiting``; offered: whether that was asked; instead: by id what was tried in the
-    place of an effect; undone: what there was no time for; failed: what ended
-    without numbers.
+    place of an effect; undone: what there was no time for; failed: what ended without numbers.
     """
 
     given: Given
