@@ -206,8 +206,7 @@ class KnownModel:
             "pick_off_rate": ("[2]", tuple(pickoff_rate)),
             "rate_by_force": ("[NS * 2]", tuple(rates.jacobian(force))),
             "rate_by_omega": ("[NS]", tuple(rates.diff(symbols.omega_z).subs(dict.fromkeys(force, 0)))),
-            # By the parameters of `driving`, row by row.
-            "rate_by_parameter": ("[NS * NR]", tuple(self._rate_by_parameter[:, self._driving])),
+            "rate_by_parameter": ("[NS * NP]", tuple(self._rate_by_parameter)),
             "actuate": ("[2]", tuple(actuated)),
             "actuate_by_command": ("[2 * 2]", tuple(actuated.jacobian(force))),
             "actuate_by_parameter": ("[2 * NP]", tuple(actuated.jacobian(parameters))),
@@ -240,9 +239,10 @@ class KnownModel:
         return slopes
 
     @cached_property
-    def _driving(self) -> list[int]:
-        """Places of the parameters that a rate has a slope by, most of the electronics' not among them."""
-        return [q for q in range(len(self.parameters)) if any(self._rate_by_parameter[:, q])]
+    def _bending(self) -> list[int]:
+        """Places of the states that the bend depends on."""
+        slopes = Matrix(len(self.states), len(self.states), self._functions["bend_by_state"][1])
+        return [i for i in range(len(self.states)) if any(slopes[:, i])]
 
     def _seen(
         self, linear: Matrix, by_force: Matrix, actuated: Matrix, pickoff: Matrix, amplified: Matrix, late: Matrix
@@ -350,7 +350,7 @@ class KnownModel:
         return {
             "NS": len(self.states),
             "NP": len(self.parameters),
-            "NR": len(self._driving),
+            "NQ": len(self._bending),
             "NV": len(self._shown),
             "NC": max(len(self.constants), 1),
             "HAS_LAG": int(any(isinstance(e, Lag) for e in effects)),
@@ -370,9 +370,9 @@ class KnownModel:
             "#ifndef KNOWN_MODEL_H",
             "#define KNOWN_MODEL_H",
         ]
-        lines.append('#include "known.h"')
-        for name, size, places in (("driving", "NR", self._driving), ("shown", "NV", self._shown)):
-            lines.append(f"static const int known_{name}[{size}] = {{{', '.join(map(str, places))}}};")
+        lines += ['#include "known.h"', '#include "wide.h"']
+        for name, places in (("bending", self._bending), ("shown", self._shown)):
+            lines.append(f"static const int known_{name}[] = {{{', '.join(map(str, places)) or 0}}};")
         lines.append(self._flat())
         for name, (shape, exprs) in self._functions.items():
             lines.append(self._spread(name, exprs) if name in _SPREAD else self._function(name, shape, exprs))
@@ -453,9 +453,9 @@ class KnownModel:
 
     def _spread(self, name: str, exprs: Sequence[Expr]) -> str:
         """A function that adds m J to ``out`` for a Jacobian J by the parameters or states, whose many zeros it leaves
-        out: m has as many columns as J has rows, and out as many as J."""
+        out: m has as many columns as J has rows, and out as many as J, by the parameters filled up to NW."""
         by_state = name.endswith("_by_state")
-        columns, count = ("NS", len(self.states)) if by_state else ("NP", len(self.parameters))
+        columns, count = ("NS", len(self.states)) if by_state else ("NW", len(self.parameters))
         present = [(divmod(i, count), expr) for i, expr in enumerate(exprs) if expr != 0]
         pairs, reduced = cse([expr for _, expr in present], numbered_symbols("w"), optimizations="basic")
         used = frozenset().union(*(e.free_symbols for e in (*reduced, *(e for _, e in pairs))), frozenset())
@@ -506,7 +506,10 @@ class KnownModel:
         return self.constants
 
 
-_SPREAD: Final = ("actuate_by_parameter", "pick_off_by_parameter", "amplify_by_parameter", "bend_by_state")
+_SPREAD: Final = (
+    *("rate_by_parameter", "actuate_by_parameter", "pick_off_by_parameter", "amplify_by_parameter"),
+    "bend_by_state",
+)
 """What is written as a function of ``_spread``."""
 _COMMANDS: Final = (symbols.u_x, symbols.u_y)
 # Density a²/f one-sided, at the resonance of x, as the variance of white noise up to half the sample rate.

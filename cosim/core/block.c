@@ -7,6 +7,7 @@
 #define PARALLEL 1e-13
 #define BOUNDS 4 /* lowest values that may be reached at once */
 #define TOGETHER 4 /* rows of a product that are added up before their sum is stored */
+#define ROWS 32    /* of a block that are taken at once */
 
 void block_row_in_eta(const filter *f, const double row[NP], double g[NP])
 {
@@ -27,14 +28,73 @@ void block_row_in_eta(const filter *f, const double row[NP], double g[NP])
     unseen_leave_out(f, g);
 }
 
-/* L += g g' of TOGETHER rows g. */
-static void add_products(double L[NP][NP], double g[TOGETHER][NP])
+/* out [ROWS][NW] = rows W, the rows of the block from `first` on, less what no sample shows; zero from its end on. */
+static void rows_in_eta(const filter *f, double (*W)[NW], int64_t first, double out[ROWS][NW])
 {
-    for (int i = 0; i < NP; i++) {
-        for (int j = 0; j < NP; j++) {
-            L[i][j] += g[0][i] * g[0][j] + g[1][i] * g[1][j] + g[2][i] * g[2][j] + g[3][i] * g[3][j];
+    const int64_t count = f->rows - first < ROWS ? f->rows - first : ROWS;
+    for (int64_t r = 0; r < ROWS; r++) {
+        wide sum[NB] = {{0.0}};
+        for (int i = 0; i < NP && r < count; i++) {
+            for (int b = 0; b < NB; b++) {
+                sum[b] += f->H[first + r][i] * wide_of(W[i])[b];
+            }
+        }
+        for (int b = 0; b < NB; b++) {
+            wide_row(out[r])[b] = sum[b];
+        }
+        if (f->unseen_count > 0) {
+            unseen_leave_out(f, out[r]);
         }
     }
+}
+
+/* Adds g g' of the rows g to M, of which the upper half is filled in, a tile at a time, so that its sums stay in registers. */
+static void add_products(double M[NW][NW], double (*g)[NW])
+{
+    for (int i = 0; i < NB; i++) {
+        for (int j = i; j < NB; j++) {
+            wide sum[WIDE];
+            for (int p = 0; p < WIDE; p++) {
+                sum[p] = wide_of(M[WIDE * i + p])[j];
+            }
+            for (int r = 0; r < ROWS; r++) {
+                const wide own = wide_of(g[r])[j];
+                for (int p = 0; p < WIDE; p++) {
+                    sum[p] += g[r][WIDE * i + p] * own;
+                }
+            }
+            for (int p = 0; p < WIDE; p++) {
+                wide_row(M[WIDE * i + p])[j] = sum[p];
+            }
+        }
+    }
+}
+
+/* J = I + the rows' information in eta, and b; returns the trace of what is added. */
+static double sum_in_eta(const filter *f, double J[NP][NP], double b[NP])
+{
+    double M[NW][NW] = {{0.0}}, W[NP][NW] = {{0.0}}, g[ROWS][NW], sum[NW] = {0.0}, trace = 0.0;
+    for (int i = 0; i < NP; i++) {
+        memcpy(W[i], f->W[i], sizeof f->W[i]);
+    }
+    for (int64_t first = 0; first < f->rows; first += ROWS) {
+        rows_in_eta(f, W, first, g);
+        add_products(M, g);
+        for (int r = 0; r < ROWS && first + r < f->rows; r++) {
+            for (int q = 0; q < NW; q++) {
+                sum[q] += g[r][q] * f->r[first + r];
+            }
+        }
+    }
+    memcpy(b, sum, NP * sizeof *b);
+    for (int i = 0; i < NP; i++) {
+        for (int j = 0; j < NP; j++) {
+            J[i][j] = j < i ? M[j][i] : M[i][j];
+        }
+        trace += J[i][i];
+        J[i][i] += 1.0;
+    }
+    return trace;
 }
 
 /* L of J + g g' where it was that of J, by rotations. A start is told 1e13 times more of k/m than it knew; in a sum of g g' the rounding of
@@ -70,34 +130,34 @@ static void factor(double J[NP][NP])
     }
 }
 
-double block_information(const filter *f, double L[NP][NP], double b[NP])
+/* The same row by row, which keeps what hardly anything is told of apart from what much is told of. */
+static double rotate_in_eta(const filter *f, double L[NP][NP], double b[NP])
 {
-    double trace = 0.0;
+    double trace = 0.0, own[NP];
     for (int i = 0; i < NP; i++) {
         b[i] = 0.0;
         for (int j = 0; j < NP; j++) {
             L[i][j] = i == j ? 1.0 : 0.0;
         }
     }
-    double g[TOGETHER][NP];
-    memset(g, 0, sizeof g);
     for (int64_t r = 0; r < f->rows; r++) {
-        double *own = g[r % TOGETHER];
         block_row_in_eta(f, f->H[r], own);
         for (int i = 0; i < NP; i++) {
             b[i] += own[i] * f->r[r];
             trace += own[i] * own[i];
         }
-        if (f->growing) {
-            rotate_in(L, own);
-        } else if (r % TOGETHER == TOGETHER - 1 || r == f->rows - 1) {
-            add_products(L, g);
-            memset(g, 0, sizeof g);
-        }
+        rotate_in(L, own);
     }
-    if (!f->growing) {
-        factor(L);
+    return trace;
+}
+
+double block_information(const filter *f, double L[NP][NP], double b[NP])
+{
+    if (f->growing) {
+        return rotate_in_eta(f, L, b);
     }
+    const double trace = sum_in_eta(f, L, b);
+    factor(L);
     return trace;
 }
 
@@ -126,9 +186,13 @@ void block_solve(double L[NP][NP], const double b[NP], double x[NP], double half
 
 void block_scale(const filter *f, const double p[NP], double d[NP])
 {
-    for (int j = NP - 1; j >= 0; j--) {
+    int last = NP - 1;
+    for (; last >= 0 && p[last] == 0.0; last--) {
+        d[last] = 0.0;
+    }
+    for (int j = last; j >= 0; j--) {
         d[j] = p[j];
-        for (int k = j + 1; k < NP; k++) {
+        for (int k = j + 1; k <= last; k++) {
             d[j] -= f->W[j][k] * d[k];
         }
         d[j] /= f->W[j][j];
@@ -154,15 +218,28 @@ void block_widen(filter *f, const double wide[NP])
 
 void block_make_triangular(double W[NP][NP])
 {
+    double column[NP][NW];
+    wide_clear(column[0], NP);
+    for (int i = 0; i < NP; i++) {
+        for (int j = 0; j < NP; j++) {
+            column[j][i] = W[i][j];
+        }
+    }
     for (int i = NP - 1; i > 0; i--) {
         for (int j = 0; j < i; j++) {
-            const double size = hypot(W[i][i], W[i][j]);
-            const double c = size > 0.0 ? W[i][i] / size : 1.0, t = size > 0.0 ? W[i][j] / size : 0.0;
-            for (int k = 0; k <= i; k++) {
-                const double own = W[k][i], other = W[k][j];
-                W[k][i] = c * own + t * other;
-                W[k][j] = c * other - t * own;
+            const double size = sqrt(column[i][i] * column[i][i] + column[j][i] * column[j][i]);
+            const double c = size > 0.0 ? column[i][i] / size : 1.0, t = size > 0.0 ? column[j][i] / size : 0.0;
+            wide *left = wide_row(column[i]), *right = wide_row(column[j]);
+            for (int b = 0; b <= i / WIDE; b++) {
+                const wide own = left[b], other = right[b];
+                left[b] = c * own + t * other;
+                right[b] = c * other - t * own;
             }
+        }
+    }
+    for (int i = 0; i < NP; i++) {
+        for (int j = 0; j < NP; j++) {
+            W[i][j] = column[j][i];
         }
     }
 }

@@ -27,30 +27,22 @@ static double uncertainty(const filter *f, const double *h)
     return total;
 }
 
-/* What is seen late of z is w = (1 + lag A)^-1 z: by another lag the same correction of w is another one of z, A (1 + lag A)^-1 gain e by the lag, here to
-   the second power of A. The gain depends on p that way, which counts where the motion is hardly known. */
-static void shift_slopes(filter *f, const double gain[NZ], double e)
+/* Corrects the slopes of z by `gain`, h [NW] being those of the voltage. What is seen late of z is w = (1 + lag A)^-1 z: by another lag the same
+   correction of w is another one of z, A (1 + lag A)^-1 gain e by the lag. The gain depends on p that way, which counts where the motion is hardly known. */
+static void correct_slopes(filter *f, const double gain[NZ], const double h[NW], double e)
 {
-    const motion *m = &f->m;
-    double moved[NS], twice[NS];
-    if (!HAS_LAG) {
-        return;
-    }
-    for (int i = 0; i < NS; i++) {
-        moved[i] = 0.0;
-        for (int j = 0; j < NS; j++) {
-            moved[i] += m->a[i * NS + j] * gain[j];
+    for (int i = 0; i < NZ; i++) {
+        for (int b = 0; b < NB; b++) {
+            wide_row(f->now.Y[i])[b] -= gain[i] * wide_of(h)[b];
         }
     }
-    for (int i = 0; i < NS; i++) {
-        twice[i] = 0.0;
+    for (int i = 0; HAS_LAG && i < NS; i++) {
+        double answer = 0.0;
         for (int j = 0; j < NS; j++) {
-            twice[i] += m->a[i * NS + j] * moved[j];
+            answer += f->m.by_lag[i * NS + j] * gain[j] * e;
         }
-    }
-    for (int i = 0; i < NS; i++) {
         for (int q = 0; q < NP; q++) {
-            f->now.Y[i][q] += m->lag_by_p[q] * (moved[i] - m->lag * twice[i]) * e;
+            f->now.Y[i][q] += answer * f->m.lag_by_p[q];
         }
     }
 }
@@ -58,7 +50,7 @@ static void shift_slopes(filter *f, const double gain[NZ], double e)
 double filter_correct_axis(filter *f, const double *c, const double *by_p, double noise, double e)
 {
     moving *n = &f->now;
-    double Pc[NZ] = {0.0}, gain[NZ], h[NP], S = noise, surprise = 0.0, strays = 0.0;
+    double Pc[ZW], gain[NZ], h[NW], S = noise, surprise = 0.0, strays = 0.0;
     double *row = f->H[f->rows], *told = f->r + f->rows;
     f->rows++;
     if (noise >= UNTOLD) {
@@ -66,16 +58,19 @@ double filter_correct_axis(filter *f, const double *c, const double *by_p, doubl
         *told = 0.0;
         return 0.0;
     }
-    memcpy(h, by_p, sizeof h);
+    wide_copy(by_p, 1, h);
+    for (int b = 0; b < ZB; b++) {
+        wide_row(Pc)[b] = (wide){0.0};
+    }
     for (int i = 0; i < NZ; i++) {
         if (c[i] == 0.0) {
             continue;
         }
-        for (int j = 0; j < NZ; j++) {
-            Pc[j] += c[i] * n->P[i][j];
+        for (int b = 0; b < ZB; b++) {
+            wide_row(Pc)[b] += c[i] * wide_of(n->P[i])[b];
         }
-        for (int q = 0; q < NP; q++) {
-            h[q] += c[i] * n->Y[i][q];
+        for (int b = 0; b < NB; b++) {
+            wide_row(h)[b] += c[i] * wide_of(n->Y[i])[b];
         }
         strays += c[i] * n->stray[i];
     }
@@ -86,8 +81,8 @@ double filter_correct_axis(filter *f, const double *c, const double *by_p, doubl
     if (e * e > OUTLIER * S) {
         surprise = e * e / (S + uncertainty(f, h));
     }
-    for (int q = 0; q < NP; q++) {
-        row[q] = h[q] * root;
+    for (int b = 0; b < NB; b++) {
+        wide_row(row)[b] = root * wide_of(h)[b];
     }
     *told = e * root;
     if (isfinite(inverse)) {
@@ -99,14 +94,11 @@ double filter_correct_axis(filter *f, const double *c, const double *by_p, doubl
         gain[i] = Pc[i] * inverse;
         n->z[i] += gain[i] * e;
         n->stray[i] -= gain[i] * strays;
-        for (int q = 0; q < NP; q++) {
-            n->Y[i][q] -= gain[i] * h[q];
-        }
     }
-    shift_slopes(f, gain, e);
+    correct_slopes(f, gain, h, e);
     for (int i = 0; i < NZ; i++) {
-        for (int j = 0; j < NZ; j++) {
-            n->P[i][j] -= gain[i] * Pc[j];
+        for (int b = 0; b < ZB; b++) {
+            wide_row(n->P[i])[b] -= gain[i] * wide_of(Pc)[b];
         }
     }
     for (int i = 0; i < 2; i++) {
@@ -119,7 +111,7 @@ double filter_correct_axis(filter *f, const double *c, const double *by_p, doubl
 
 double filter_correct(filter *f, const double v[2])
 {
-    double expected[2], C[2][NZ], by_p[2 * NP], noise[2], was[NZ];
+    double expected[2], C[2][NZ], by_p[2 * NW], noise[2], was[NZ];
     filter_expect(f, expected, C, by_p, noise);
     filter_leave_out(f, v, noise);
     memcpy(was, f->now.z, sizeof was);
@@ -128,5 +120,5 @@ double filter_correct(filter *f, const double v[2])
     for (int i = 0; i < NZ; i++) {
         e -= C[1][i] * (f->now.z[i] - was[i]);
     }
-    return surprise + filter_correct_axis(f, C[1], by_p + NP, noise[1], e);
+    return surprise + filter_correct_axis(f, C[1], by_p + NW, noise[1], e);
 }

@@ -9,30 +9,54 @@ static int is_damped(const known *k)
     return d[0] > 0.0 && d[1] > 0.0 && d[0] * d[1] > d[2] * d[2];
 }
 
-/* out = F M. The rate follows itself and its slope, which stays; the states follow states and rate; the lagging voltages these, and themselves.
-   Sums run along rows, side by side: one after the other they would wait for each other. */
-static void follow(double F[NZ][NZ], double M[NZ][NZ], double out[restrict NZ][NZ])
+/* out = F M. The rate follows itself and its slope, which stays; the states follow states and rate; the lagging voltages these, and themselves. */
+static void follow(double F[NZ][ZW], double M[NZ][ZW], double out[NZ][ZW])
 {
-    for (int i = 0; i < SLOPE; i++) {
+    for (int i = 0; i < NZ; i++) {
         const int also = i == OMEGA ? SLOPE : i;
-        for (int j = 0; j < NZ; j++) {
-            double sum = 0.0;
-            for (int r = 0; r < LAG; r++) {
-                sum += F[i][r] * M[r][j];
+        for (int b = 0; b < ZB; b++) {
+            wide sum = (i < OMEGA ? 0.0 : F[i][also]) * wide_of(M[also])[b];
+            for (int r = 0; r < LAG && i < SLOPE; r++) {
+                sum += F[i][r] * wide_of(M[r])[b];
             }
-            out[i][j] = i < OMEGA ? sum : sum + F[i][also] * M[also][j];
+            wide_row(out[i])[b] = sum;
         }
     }
-    memcpy(out[SLOPE], M[SLOPE], sizeof out[SLOPE]);
 }
 
-void covariance_predict(filter *f, double F[NZ][NZ], const passage *way)
+void covariance_add_constants(const moving *n, double W[NP][NP], double P[NZ][ZW])
+{
+    double row[NP][NW], YW[NZ][NW];
+    wide_clear(row[0], NP);
+    for (int q = 0; q < NP; q++) {
+        memcpy(row[q], W[q], NP * sizeof *row[q]);
+    }
+    for (int i = 0; i < NZ; i++) {
+        wide sum[NB] = {{0.0}};
+        for (int q = 0; q < NP; q++) {
+            for (int b = 0; b < NB; b++) {
+                sum[b] += n->Y[i][q] * wide_of(row[q])[b];
+            }
+        }
+        memcpy(YW[i], sum, sizeof sum);
+    }
+    for (int i = 0; i < NZ; i++) {
+        for (int j = 0; j < NZ; j++) {
+            for (int q = 0; q < NW; q++) {
+                P[i][j] += YW[i][q] * YW[j][q];
+            }
+        }
+    }
+}
+
+void covariance_predict(filter *f, double F[NZ][ZW], const passage *way)
 {
     moving *n = &f->now;
     const double none[2] = {0.0, 0.0}, *g = way->force, T = f->m.period;
-    double FP[NZ][NZ], transposed[NZ][NZ], thermal[4];
+    double FP[NZ][ZW], transposed[NZ][ZW], thermal[4];
     F[OMEGA][SLOPE] = T;
     follow(F, n->P, FP);
+    memset(transposed, 0, sizeof transposed);
     for (int i = 0; i < NZ; i++) {
         for (int j = 0; j < NZ; j++) {
             transposed[i][j] = FP[j][i];
@@ -54,7 +78,7 @@ void covariance_predict(filter *f, double F[NZ][NZ], const passage *way)
     n->P[OMEGA][OMEGA] += f->walk * f->walk * f->m.period;
     n->P[SLOPE][SLOPE] += f->slope_walk * f->slope_walk * f->m.period;
     if (HAS_THERMAL && is_damped(&f->k)) {
-        known_thermal(&f->k, way->s[NODES - 1], none, n->z[OMEGA], thermal);
+        known_thermal(&f->k, way->end, none, n->z[OMEGA], thermal);
         for (int i = 0; i < NS; i++) {
             for (int j = 0; j < NS; j++) {
                 n->P[i][j] += g[i * 2] * (thermal[0] * g[j * 2] + thermal[1] * g[j * 2 + 1]) +

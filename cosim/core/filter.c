@@ -2,6 +2,7 @@
 
 #include "block.h"
 #include "correction.h"
+#include "covariance.h"
 #include "fit.h"
 #include "known_model.h"
 #include "prediction.h"
@@ -51,24 +52,9 @@ static void remember(filter *f, const double v[2], const double in[IN])
     memcpy(h->in, in, sizeof h->in);
     if (f->sample % EVERY == 0) {
         before_now *b = &f->past[f->sample / EVERY % (RECENT / EVERY)];
-        double YW[NZ][NP];
         memcpy(b->z, f->now.z, sizeof b->z);
         memcpy(b->P, f->now.P, sizeof b->P);
-        for (int i = 0; i < NZ; i++) {
-            for (int j = 0; j < NP; j++) {
-                YW[i][j] = 0.0;
-                for (int q = 0; q <= j; q++) {
-                    YW[i][j] += f->now.Y[i][q] * f->W_now[q][j];
-                }
-            }
-        }
-        for (int i = 0; i < NZ; i++) {
-            for (int j = 0; j < NZ; j++) {
-                for (int q = 0; q < NP; q++) {
-                    b->P[i][j] += YW[i][q] * YW[j][q];
-                }
-            }
-        }
+        covariance_add_constants(&f->now, f->W_now, b->P);
     }
 }
 
@@ -133,10 +119,10 @@ void filter_step_told(filter *f, const double u[2], const double *z_true, const 
             f->now.P[OMEGA][OMEGA] += f->settings.omega_jump * f->settings.omega_jump;
         }
         f->jumped_at = steps ? f->sample : f->jumped_at;
-        double expected[2], C[2][NZ], by_p[2 * NP], noise[2];
+        double expected[2], C[2][NZ], by_p[2 * NW], noise[2];
         filter_expect(f, expected, C, by_p, noise);
         for (int a = 0; a < 2; a++) {
-            filter_correct_axis(f, C[a], by_p + a * NP, noise[a], 0.0);
+            filter_correct_axis(f, C[a], by_p + a * NW, noise[a], 0.0);
         }
     } else {
         filter_take_up_told(f);

@@ -12,12 +12,15 @@
 
 #include "motion.h"
 #include "settings.h"
+#include "wide.h"
 
 #define LAGGED (HAS_LAG ? 2 : 0)
 #define OMEGA NS
 #define LAG (NS + 1)
 #define SLOPE (NS + 1 + LAGGED) /* of the rate; no sample shows it at once */
 #define NZ (SLOPE + 1)
+#define ZW ((NZ + WIDE - 1) / WIDE * WIDE) /* length of a row by z */
+#define ZB (ZW / WIDE)
 #define BLOCK_MAX 200
 #define START_MAX 16384 /* samples of the start at most */
 #define QUEUE 65536     /* commands kept; a power of two, above START_MAX and 1 ms of delay at 1e7 samples a second */
@@ -33,7 +36,7 @@ typedef struct {
 
 /* The motion after a sample, with all that was uncertain of it. */
 typedef struct {
-    double z[NZ], P[NZ][NZ];
+    double z[NZ], P[NZ][ZW];
 } before_now;
 
 /* The motion where the rate has not stepped yet, and twice the negative logarithm of the likelihood so far. */
@@ -45,8 +48,8 @@ typedef struct {
 /* What moves, with its uncertainty: all that a block starts from. */
 typedef struct {
     double z[NZ];      /* [SI] */
-    double P[NZ][NZ];  /* covariance of z for given p */
-    double Y[NZ][NP];  /* dz/dp */
+    double P[NZ][ZW];  /* covariance of z for given p */
+    double Y[NZ][NW];  /* dz/dp */
     double stray[NZ];  /* covariance of the error of z with what the pattern has strayed by (stray.c) [rad times SI] */
     double sum[2], sum_variance[2]; /* of the corrections of the rate and of its slope lately, fading */
 } moving;
@@ -62,8 +65,9 @@ typedef struct {
     double W_now[NP][NP]; /* at the last fit of the block */
     double eta[NP];       /* p = p_begun + W eta at that fit */
     double p_begun[NP];
+    double followed[NP]; /* p where what the voltages see was last made to move straight (straight.h) */
     double reopened[NP]; /* deviation of p that the block must not take away: along it a lag ends (no_lag.h) */
-    double H[2 * START_MAX][NP]; /* measurement rows of the block over the root of their variance */
+    double H[2 * START_MAX][NW]; /* measurement rows of the block over the root of their variance */
     double r[2 * START_MAX];     /* innovations over it */
     double v[START_MAX][2], in[START_MAX][IN];
     unsigned char opened[START_MAX]; /* whether the rate was opened after a sample of the block */

@@ -165,6 +165,8 @@ void fit_fold(filter *f, double L[NP][NP])
         memset(f->reopened, 0, sizeof f->reopened);
         unseen_follow(f);
         straight_follow(f);
+    } else {
+        straight_begin(f);
     }
     for (int i = 0; i < NP; i++) {
         if (f->forget[i] > FORGOTTEN) {

@@ -196,7 +196,7 @@ static void move(const foucault *c, const piece *part, double omega_z, const dou
 {
     passage way;
     motion_move(part, &c->k, omega_z, omega_z, f, s, &way);
-    memcpy(s, way.s[NODES - 1], sizeof way.s[NODES - 1]);
+    memcpy(s, way.end, sizeof way.end);
 }
 
 static void force_of(const foucault *c, int64_t sample, const double *s, double f[2])

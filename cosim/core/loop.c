@@ -189,8 +189,10 @@ EXPORT void core_drift_of(const double *known_values, const double *values, cons
 EXPORT void core_filter_slopes(const void *memory, double *Y, double *P)
 {
     const filter *f = memory;
-    memcpy(Y, f->now.Y, sizeof f->now.Y);
-    memcpy(P, f->now.P, sizeof f->now.P);
+    for (int i = 0; i < NZ; i++) {
+        memcpy(Y + i * NP, f->now.Y[i], NP * sizeof *Y);
+        memcpy(P + i * NZ, f->now.P[i], NZ * sizeof *P);
+    }
 }
 
 EXPORT void core_filter_told(void *memory, int64_t count, const double *u, const double *z_true, const double *in)

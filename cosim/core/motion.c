@@ -5,7 +5,7 @@
 
 #include "known_model.h"
 
-#define NEAR 0.27639320225002106 /* (1 - 1/sqrt 5)/2 */
+#define NEAR 0.21132486540518713 /* (1 - 1/sqrt 3)/2 */
 
 static void multiply(const double *a, const double *b, int n, int columns, double *out)
 {
@@ -143,6 +143,10 @@ static void form_motion(motion *m, const known *k, double omega_z, double period
     known_rate_by_state(k, rest, none, omega_z, m->a);
     known_rate_by_force(k, rest, none, omega_z, m->b);
     m->lag = lag;
+    multiply(m->a, m->a, NS, NS, m->by_lag);
+    for (int i = 0; i < NS * NS; i++) {
+        m->by_lag[i] = m->a[i] - lag * m->by_lag[i];
+    }
     m->delay_samples = delay > 0.0 && delay < 1e-2 ? (int64_t)(delay / period) : 0;
     m->delay_rest = delay - (double)m->delay_samples * period;
     m->pieces[0].duration = larger(m->delay_rest, 0.0);
@@ -201,6 +205,15 @@ static void reach(const double *phi, const double *gamma, const double *start, c
     add_moved(phi, start, 1.0, s);
 }
 
+/* Adds to the state at a node what `rest` at it has moved it by until then, over the time t. */
+static void lead_to(const double *phi, const double *rest, double t, double *s)
+{
+    for (int i = 0; i < NS; i++) {
+        s[i] += 0.5 * t * rest[i];
+    }
+    add_moved(phi, rest, 0.5 * t, s);
+}
+
 void motion_move(const piece *part, const known *k, double turn, double omega_z, const double force[2], const double *start, passage *way)
 {
     const double h = part->duration;
@@ -208,28 +221,20 @@ void motion_move(const piece *part, const known *k, double turn, double omega_z,
     turn_transition(&part->whole, turn, way->whole, way->force);
     turn_transition(&part->near, turn, way->near, near_force);
     turn_transition(&part->far, turn, way->far, far_force);
-    memcpy(way->s[0], start, sizeof way->s[0]);
-    reach(way->near, near_force, start, force, way->s[1]);
-    reach(way->far, far_force, start, force, way->s[2]);
-    reach(way->whole, way->force, start, force, way->s[3]);
+    memcpy(way->start, start, sizeof way->start);
+    reach(way->near, near_force, start, force, way->s[0]);
+    reach(way->far, far_force, start, force, way->s[1]);
+    reach(way->whole, way->force, start, force, way->end);
     if (BENT) {
         /* It is small, so that its own effect on the states at the nodes counts to first order. */
         const double none[2] = {0.0, 0.0};
-        double rest[NODES][NS], end[NS];
-        known_bend(k, way->s[0], none, omega_z, rest[0]);
-        add_moved(way->near, rest[0], NEAR * h, way->s[1]);
-        known_bend(k, way->s[1], none, omega_z, rest[1]);
-        add_moved(way->near, rest[1], (1.0 - NEAR) * h, way->s[2]);
-        known_bend(k, way->s[2], none, omega_z, rest[2]);
-        memcpy(end, way->s[3], sizeof end);
-        add_moved(way->far, rest[1], 0.5 * h, end);
-        add_moved(way->near, rest[2], 0.5 * h, end);
-        known_bend(k, end, none, omega_z, rest[3]);
-        for (int n = 0; n + 1 < NODES; n++) {
-            add_moved(passage_from(way, n), rest[n], NODE_WEIGHT[n] * h, way->s[3]);
-        }
-        for (int i = 0; i < NS; i++) {
-            way->s[3][i] += NODE_WEIGHT[3] * h * rest[3][i];
+        double rest[NS];
+        known_bend(k, way->s[0], none, omega_z, rest);
+        lead_to(way->near, rest, NEAR * h, way->s[0]);
+        lead_to(way->far, rest, (1.0 - NEAR) * h, way->s[1]);
+        for (int n = 0; n < NODES; n++) {
+            known_bend(k, way->s[n], none, omega_z, rest);
+            add_moved(passage_from(way, n), rest, 0.5 * h, way->end);
         }
     }
 }

@@ -21,7 +21,7 @@ typedef struct {
 /* A part of the sample period in which the force at the mass stays as it is. */
 typedef struct {
     double duration; /* [s] */
-    transition whole, near, far; /* over all of it, and from its start to the two nodes inside */
+    transition whole, near, far; /* over all of it, and from its start to the two nodes */
     lagging lag;
 } piece;
 
@@ -36,23 +36,23 @@ typedef struct {
     double delay_rest;     /* the rest of it [s] */
     double lag;            /* time constant of the amplifier [s] */
     double lag_by_p[NP];   /* its derivatives by p */
+    double by_lag[NS * NS]; /* how a correction of the states answers to it, per deviation seen: A (1 + lag A)^-1, to the second power of A */
 } motion;
 
-/* What the linear part leaves out, and derivatives, are integrated over a piece by the rule of Lobatto with four nodes: order 6, its error is
-   (omega h)^6/1.5e6 of them. The nodes inside lie symmetric, so that what leads from one to the end leads from the start to the other. */
-#define NODES 4
-static const double NODE_WEIGHT[NODES] = {1.0 / 12.0, 5.0 / 12.0, 5.0 / 12.0, 1.0 / 12.0};
+/* What the linear part leaves out, and derivatives, are integrated over a piece by the rule of Gauss with two nodes: order 4, its error is
+   (omega h)^4/4320 of them. The nodes lie symmetric, so that what leads from one to the end leads from the start to the other. Both weigh half. */
+#define NODES 2
 
-/* One piece of the motion: the states at the nodes, and the transitions at the rate of turn that held. */
+/* One piece of the motion: the states at its nodes and its ends, and the transitions at the rate of turn that held. */
 typedef struct {
-    double s[NODES][NS];
+    double start[NS], s[NODES][NS], end[NS];
     double whole[NS * NS], near[NS * NS], far[NS * NS], force[NS * 2];
 } passage;
 
-/* What leads from the start of a piece to a node inside it or to its end. */
-static inline const double *passage_to(const passage *way, int node) { return node == 1 ? way->near : node == 2 ? way->far : way->whole; }
-/* What leads from a node inside a piece, or its start, to its end. */
-static inline const double *passage_from(const passage *way, int node) { return node == 1 ? way->far : node == 2 ? way->near : way->whole; }
+/* What leads from the start of a piece to a node. */
+static inline const double *passage_to(const passage *way, int node) { return node == 0 ? way->near : way->far; }
+/* What leads from a node of a piece to its end. */
+static inline const double *passage_from(const passage *way, int node) { return node == 0 ? way->far : way->near; }
 
 /* Writes phi = exp(a duration) [n * n] and gamma = the integral of exp(a s) b over it [n * 2]; n <= NS. */
 void transition_over(const double *a, const double *b, int n, double duration, double *phi, double *gamma);

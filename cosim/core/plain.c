@@ -76,7 +76,7 @@ static void watch(plain *o, const double force[2], const double v[2], const doub
     motion_move(&o->held.pieces[1], &o->k, estimate[4] - o->held.omega_z, estimate[4], force, s, &way);
     double total = 0.0;
     for (int a = 0; a < 2; a++) {
-        const double gain = C[NS * a + 2 * a], e = v[a] - gain * way.s[NODES - 1][2 * a];
+        const double gain = C[NS * a + 2 * a], e = v[a] - gain * way.end[2 * a];
         const double spread = gain * (deviation[2 * a] + o->m.period * deviation[2 * a + 1]);
         const double r = e / sqrt(noise[a] + spread * spread);
         total += 0.5 * r * r;

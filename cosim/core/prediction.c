@@ -13,7 +13,7 @@ typedef struct {
     const known *k;
     const motion *m;
     double *z;
-    double (*Y)[NP];
+    double (*Y)[NW];
 } frame;
 
 void filter_form(filter *f)
@@ -50,28 +50,24 @@ typedef struct {
 static void find_slopes(const known *k, double h, const passage *way, double omega_z, slopes *d)
 {
     const double none[2] = {0.0, 0.0};
-    double w[NS];
     memcpy(d->phi, way->whole, sizeof d->phi);
     memset(d->psi, 0, sizeof d->psi);
     for (int n = 0; n < NODES; n++) {
-        const double weight = h * NODE_WEIGHT[n], *from = passage_from(way, n);
-        const int ends = n == NODES - 1;
+        const double *from = passage_from(way, n), *to = passage_to(way, n);
+        double w[NS], bent[NS][NS] = {{0.0}};
         known_rate_by_omega(k, way->s[n], none, omega_z, w);
         for (int i = 0; i < NS; i++) {
-            for (int j = 0; j < NS; j++) {
-                d->by_rate[n][i][j] = weight * (ends ? (i == j ? 1.0 : 0.0) : from[i * NS + j]);
-                d->psi[i] += d->by_rate[n][i][j] * w[j];
+            for (int r = 0; r < NS; r++) {
+                d->by_rate[n][i][r] = MOVES(r) ? 0.0 : 0.5 * h * from[i * NS + r];
+                d->psi[i] += MOVES(r) ? 0.0 : d->by_rate[n][i][r] * w[r];
             }
         }
-        if (BENT && n == 0) {
-            spread_bend_by_state(k, way->s[n], none, omega_z, &d->by_rate[n][0][0], NS, &d->phi[0][0]);
-        } else if (BENT) {
+        if (BENT) {
             /* To first order: what leads to the node, the bend there, and what leads on. */
-            const double *to = passage_to(way, n);
-            double bent[NS][NS] = {{0.0}};
             spread_bend_by_state(k, way->s[n], none, omega_z, &d->by_rate[n][0][0], NS, &bent[0][0]);
             for (int i = 0; i < NS; i++) {
-                for (int r = 0; r < NS; r++) {
+                for (int b = 0; b < NQ; b++) {
+                    const int r = known_bending[b];
                     for (int j = 0; j < NS; j++) {
                         d->phi[i][j] += bent[i][r] * to[r * NS + j];
                     }
@@ -81,51 +77,47 @@ static void find_slopes(const known *k, double h, const passage *way, double ome
     }
 }
 
-/* The slopes by p of the states at the end of a piece under the force f, from those at its start; without those by way of the force that
-   go as one over the mass. */
-static void move_slopes(const frame *w, const passage *way, double omega_z, const double f[2], const slopes *d, double from[NS][NP])
+/* What p adds to the states at the end of a piece, by their rates on the way and by the force. */
+static void find_direct(const frame *w, const passage *way, double omega_z, const acting *force, const slopes *d, double direct[NS][NW])
 {
-    const double *turn = w->Y[OMEGA];
-    double rates[NODES][NS][NR];
+    const double mass = 1.0 / w->k->p[INVERSE_MASS];
+    wide_clear(direct[0], NS);
     for (int n = 0; n < NODES; n++) {
-        known_rate_by_parameter(w->k, way->s[n], f, omega_z, &rates[n][0][0]);
+        spread_rate_by_parameter(w->k, way->s[n], force->f, omega_z, &d->by_rate[n][0][0], NS, direct[0]);
     }
-    /* One sum a number: added up part by part, each number would be stored and fetched a dozen times. */
+    spread_actuate_by_parameter(w->k, w->z, force->u, omega_z, way->force, NS, direct[0]);
     for (int i = 0; i < NS; i++) {
-        for (int q = 0; q < NP; q++) {
-            double total = d->psi[i] * turn[q];
+        direct[i][INVERSE_MASS] += mass * (way->force[2 * i] * force->f[0] + way->force[2 * i + 1] * force->f[1]);
+    }
+}
+
+/* Moves the slopes by p of the states through a piece, from those at its start. */
+static void move_slopes(const frame *w, const slopes *d, double from[NS][NW], double direct[NS][NW])
+{
+    for (int i = 0; i < NS; i++) {
+        wide *out = wide_row(w->Y[i]);
+        for (int b = 0; b < NB; b++) {
+            wide total = wide_of(direct[i])[b] + d->psi[i] * wide_of(w->Y[OMEGA])[b];
             for (int j = 0; j < NS; j++) {
-                total += d->phi[i][j] * from[j][q];
+                total += d->phi[i][j] * wide_of(from[j])[b];
             }
-            w->Y[i][q] = total;
-        }
-        double driven[NR];
-        for (int q = 0; q < NR; q++) {
-            driven[q] = 0.0;
-            for (int n = 0; n < NODES; n++) {
-                for (int r = 0; r < NS; r++) {
-                    if (!MOVES(r)) {
-                        driven[q] += d->by_rate[n][i][r] * rates[n][r][q];
-                    }
-                }
-            }
-        }
-        for (int q = 0; q < NR; q++) {
-            w->Y[i][known_driving[q]] += driven[q];
+            out[b] = total;
         }
     }
 }
 
-/* Adds the derivatives by p of the voltage at `s` by way of the force to out [2 * NP], times `weight`. */
-static void add_force_in_voltage(const known *k, const double *s, const acting *force, double omega_z, double weight, double *out)
+/* Adds the derivatives by p of the voltages at two states by way of the force to out [2 * NW], each times its weight. */
+static void add_force_in_voltage(const frame *w, const double *first, const double *second, const acting *force, const double weights[2], double *out)
 {
     if (FEEDS) {
-        double by_force[4];
-        known_pick_off_by_force(k, s, force->f, omega_z, by_force);
+        const double omega_z = w->z[OMEGA];
+        double by_first[4], by_second[4], by_force[4];
+        known_pick_off_by_force(w->k, first, force->f, omega_z, by_first);
+        known_pick_off_by_force(w->k, second, force->f, omega_z, by_second);
         for (int i = 0; i < 4; i++) {
-            by_force[i] *= weight;
+            by_force[i] = weights[0] * by_first[i] + weights[1] * by_second[i];
         }
-        spread_actuate_by_parameter(k, s, force->u, omega_z, by_force, 2, out);
+        spread_actuate_by_parameter(w->k, first, force->u, omega_z, by_force, 2, out);
     }
 }
 
@@ -143,7 +135,7 @@ static void find_contributions(const frame *w, int first, const passage ways[2],
         const int n = i / 2 < first ? first : i / 2, ends = i % 2;
         const lagging *l = &w->m->pieces[n].lag;
         const double h = w->m->pieces[n].duration, scale[3] = {1.0, h, h * h};
-        put_point(s, NS, i, ways[n].s[ends ? NODES - 1 : 0]);
+        put_point(s, NS, i, ends ? ways[n].end : ways[n].start);
         put_point(f, 2, i, forces[n].f);
         for (int r = 0; r < 3; r++) {
             weight[r * POINTS + i] = scale[r] * (ends ? l->end : l->start)[r];
@@ -169,26 +161,29 @@ static void find_contributions(const frame *w, int first, const passage ways[2],
 }
 
 /* Moves the lagging voltages through the piece n, with their rows of Y and of F; `from` are the rows of Y of the states at its start. */
-static void move_lag(const frame *w, int n, const passage *way, const acting *force, const contributions *e, const double *tau_by_p,
-                     double from[NS][NP], double F[NZ][NZ])
+static void move_lag(const frame *w, int n, const passage *way, const acting *force, const contributions *e, const double tau_by_p[NW],
+                     double from[NS][NW], double F[NZ][ZW])
 {
     const lagging *l = &w->m->pieces[n].lag;
-    const double omega_z = w->z[OMEGA];
-    double *z = w->z + LAG, *Y = w->Y[LAG];
+    double *z = w->z + LAG, direct[2][NW];
+    const double weights[2] = {l->start[0], l->end[0]};
+    wide_clear(direct[0], 2);
+    add_force_in_voltage(w, way->start, way->end, force, weights, direct[0]);
     for (int a = 0; a < 2; a++) {
         const double *by_state = e->by_state + a * NS * POINTS + 2 * n, *by_p = e->by_p + a * NV * POINTS + 2 * n;
         const double by_tau = l->stay_by_tau * z[a] + e->by_tau[a * POINTS + 2 * n] + e->by_tau[a * POINTS + 2 * n + 1];
         z[a] = l->stay * z[a] + e->value[a * POINTS + 2 * n] + e->value[a * POINTS + 2 * n + 1];
         F[LAG + a][LAG + a] = l->stay;
-        for (int q = 0; q < NP; q++) {
-            double total = l->stay * Y[a * NP + q] + by_tau * tau_by_p[q];
-            for (int j = 0; j < NS; j++) {
-                total += by_state[j * POINTS] * from[j][q] + by_state[j * POINTS + 1] * w->Y[j][q];
-            }
-            Y[a * NP + q] = total;
-        }
         for (int v = 0; v < NV; v++) {
-            Y[a * NP + known_shown[v]] += by_p[v * POINTS] + by_p[v * POINTS + 1];
+            direct[a][known_shown[v]] += by_p[v * POINTS] + by_p[v * POINTS + 1];
+        }
+        wide *out = wide_row(w->Y[LAG + a]);
+        for (int b = 0; b < NB; b++) {
+            wide total = l->stay * out[b] + by_tau * wide_of(tau_by_p)[b] + wide_of(direct[a])[b];
+            for (int j = 0; j < NS; j++) {
+                total += by_state[j * POINTS] * wide_of(from[j])[b] + by_state[j * POINTS + 1] * wide_of(w->Y[j])[b];
+            }
+            out[b] = total;
         }
         for (int j = 0; j < NS; j++) {
             F[LAG + a][j] += by_state[j * POINTS];
@@ -197,94 +192,108 @@ static void move_lag(const frame *w, int n, const passage *way, const acting *fo
             }
         }
     }
-    add_force_in_voltage(w->k, way->s[0], force, omega_z, l->start[0], Y);
-    add_force_in_voltage(w->k, way->s[NODES - 1], force, omega_z, l->end[0], Y);
 }
 
 /* Moves z and its slopes through the piece n, `way` being that of the states; F becomes the piece's derivative by z. */
-static void move_through(const frame *w, int n, const acting *force, const contributions *e, const double *tau_by_p, double F[NZ][NZ],
+static void move_through(const frame *w, int n, const acting *force, const contributions *e, const double tau_by_p[NW], double F[NZ][ZW],
                          const passage *way)
 {
-    const double omega_z = w->z[OMEGA], mass = 1.0 / w->k->p[INVERSE_MASS];
-    double from[NS][NP];
+    double from[NS][NW], direct[NS][NW];
     slopes d;
-    find_slopes(w->k, w->m->pieces[n].duration, way, omega_z, &d);
-    memcpy(from, w->Y, sizeof from);
-    move_slopes(w, way, omega_z, force->f, &d, from);
-    spread_actuate_by_parameter(w->k, w->z, force->u, omega_z, way->force, NS, &w->Y[0][0]);
-    memset(F, 0, NZ * sizeof *F);
-    F[OMEGA][OMEGA] = F[SLOPE][SLOPE] = 1.0;
-    for (int i = 0; i < NS; i++) {
-        memcpy(F[i], d.phi[i], sizeof d.phi[i]);
-        F[i][OMEGA] = d.psi[i];
-        w->Y[i][INVERSE_MASS] += mass * (way->force[2 * i] * force->f[0] + way->force[2 * i + 1] * force->f[1]);
+    find_slopes(w->k, w->m->pieces[n].duration, way, w->z[OMEGA], &d);
+    find_direct(w, way, w->z[OMEGA], force, &d, direct);
+    wide_copy(w->Y[0], NS, from[0]);
+    move_slopes(w, &d, from, direct);
+    for (int i = 0; i < NZ; i++) {
+        for (int b = 0; b < ZB; b++) {
+            wide_row(F[i])[b] = (wide){0.0};
+        }
+        F[i][i] = i == OMEGA || i == SLOPE ? 1.0 : 0.0;
     }
-    memcpy(w->z, way->s[NODES - 1], sizeof way->s[NODES - 1]);
+    for (int i = 0; i < NS; i++) {
+        for (int j = 0; j < NS; j++) {
+            F[i][j] = d.phi[i][j];
+        }
+        F[i][OMEGA] = d.psi[i];
+    }
+    memcpy(w->z, way->end, sizeof way->end);
     if (HAS_LAG) {
         move_lag(w, n, way, force, e, tau_by_p, from, F);
     }
 }
 
+/* row -= by delay_by_p. */
+static void delay_row(double row[NW], double by, const double delay_by_p[NW])
+{
+    for (int b = 0; b < NB; b++) {
+        wide_row(row)[b] -= by * wide_of(delay_by_p)[b];
+    }
+}
+
 /* The delayed force changes here: a longer delay puts that off. */
-static void change_force(const frame *w, const double before[2], const double after[2], const double *delay_by_p)
+static void change_force(const frame *w, const double before[2], const double after[2], const double delay_by_p[NW])
 {
     const motion *m = w->m;
     const double change[2] = {after[0] - before[0], after[1] - before[1]};
     for (int i = 0; i < NS; i++) {
-        const double kick = m->b[2 * i] * change[0] + m->b[2 * i + 1] * change[1];
-        for (int q = 0; q < NP; q++) {
-            w->Y[i][q] -= kick * delay_by_p[q];
-        }
+        delay_row(w->Y[i], m->b[2 * i] * change[0] + m->b[2 * i + 1] * change[1], delay_by_p);
     }
     if (HAS_LAG && m->lag > 0.0) {
         double v_before[2], v_after[2];
         known_pick_off(w->k, w->z, before, w->z[OMEGA], v_before);
         known_pick_off(w->k, w->z, after, w->z[OMEGA], v_after);
         for (int a = 0; a < 2; a++) {
-            for (int q = 0; q < NP; q++) {
-                w->Y[LAG + a][q] += (v_before[a] - v_after[a]) / m->lag * delay_by_p[q];
+            delay_row(w->Y[LAG + a], (v_after[a] - v_before[a]) / m->lag, delay_by_p);
+        }
+    }
+}
+
+/* F = late early, of two pieces: the rate and its slope stay; states follow states and the rate, the lagging voltages these, and themselves. */
+static void join(double late[NZ][ZW], double early[NZ][ZW], double F[NZ][ZW])
+{
+    for (int i = 0; i < NZ; i++) {
+        for (int b = 0; b < ZB; b++) {
+            wide sum = (i < OMEGA ? 0.0 : late[i][i]) * wide_of(early[i])[b];
+            for (int r = 0; r < LAG && i != OMEGA && i != SLOPE; r++) {
+                sum += late[i][r] * wide_of(early[r])[b];
             }
+            wide_row(F[i])[b] = sum;
         }
     }
 }
 
 /* Moves what a frame follows over the period that ends at the present sample. */
-static void carry(const filter *f, const frame *w, double F[NZ][NZ], passage *last)
+static void carry(const filter *f, const frame *w, double F[NZ][ZW], passage *last)
 {
     const motion *m = w->m;
     const int first = HAS_DELAY && m->pieces[0].duration > 0.0 ? 0 : 1;
     const double none[2] = {0.0, 0.0}, omega_z = w->z[OMEGA];
-    double late_by_p[2 * NP], early[NZ][NZ], late[NZ][NZ];
+    double late_by_p[2 * NP], delay_by_p[NW] = {0.0}, tau_by_p[NW] = {0.0}, early[NZ][ZW], late[NZ][ZW];
     const acting after = force_after(f, w), before = HAS_DELAY ? force_of(f, w, f->sample - 2 - m->delay_samples) : after;
     const acting forces[2] = {before, after};
     passage ways[2];
     contributions e;
     if (HAS_DELAY || HAS_LAG) {
         known_late_by_parameter(w->k, w->z, none, omega_z, late_by_p);
+        memcpy(delay_by_p, late_by_p, NP * sizeof *late_by_p);
+        memcpy(tau_by_p, late_by_p + NP, NP * sizeof *late_by_p);
     }
     for (int n = first; n < 2; n++) {
-        motion_move(&m->pieces[n], w->k, omega_z - m->omega_z, omega_z, forces[n].f, n > first ? ways[0].s[NODES - 1] : w->z, &ways[n]);
+        motion_move(&m->pieces[n], w->k, omega_z - m->omega_z, omega_z, forces[n].f, n > first ? ways[0].end : w->z, &ways[n]);
     }
     if (HAS_LAG) {
         find_contributions(w, first, ways, forces, &e);
     }
     if (first == 0) {
-        move_through(w, 0, &before, &e, late_by_p + NP, early, &ways[0]);
+        move_through(w, 0, &before, &e, tau_by_p, early, &ways[0]);
     }
     if (HAS_DELAY) {
-        change_force(w, before.f, after.f, late_by_p);
+        change_force(w, before.f, after.f, delay_by_p);
     }
-    move_through(w, 1, &after, &e, late_by_p + NP, first == 0 ? late : F, &ways[1]);
+    move_through(w, 1, &after, &e, tau_by_p, first == 0 ? late : F, &ways[1]);
     *last = ways[1];
     if (first == 0) {
-        for (int i = 0; i < NZ; i++) {
-            for (int j = 0; j < NZ; j++) {
-                F[i][j] = 0.0;
-                for (int r = 0; r < NZ; r++) {
-                    F[i][j] += late[i][r] * early[r][j];
-                }
-            }
-        }
+        join(late, early, F);
         /* A noise force acts over both pieces. */
         for (int i = 0; i < NS; i++) {
             for (int j = 0; j < NS; j++) {
@@ -299,7 +308,7 @@ static void carry(const filter *f, const frame *w, double F[NZ][NZ], passage *la
 void filter_predict(filter *f)
 {
     moving *n = &f->now;
-    double F[NZ][NZ];
+    double F[NZ][ZW];
     passage way;
     if (fabs(n->z[OMEGA] - f->m.omega_z) > TURN) {
         filter_form(f);
@@ -315,14 +324,14 @@ void filter_predict(filter *f)
 }
 
 /* What the sample should be, its derivatives by z and by p, and its noise [V2]. */
-void filter_expect(const filter *f, double v[2], double C[2][NZ], double by_p[2 * NP], double noise[2])
+void filter_expect(const filter *f, double v[2], double C[2][NZ], double by_p[2 * NW], double noise[2])
 {
     const known *k = &f->k;
     const frame now = {k, &f->m, (double *)f->now.z, NULL};
-    const double *z = f->now.z, one[4] = {1.0, 0.0, 0.0, 1.0};
-    double entering[2], through[4], rate[2], pick_by_s[2 * NS], pick_by_p[2 * NP];
+    const double *z = f->now.z, one[4] = {1.0, 0.0, 0.0, 1.0}, once[2] = {1.0, 0.0};
+    double entering[2], through[4], rate[2], pick_by_s[2 * NS], pick_by_p[2 * NW];
     const acting force = force_after(f, &now);
-    memset(by_p, 0, 2 * NP * sizeof *by_p);
+    memset(by_p, 0, 2 * NW * sizeof *by_p);
     memset(pick_by_p, 0, sizeof pick_by_p);
     memset(C, 0, 2 * sizeof *C);
     if (HAS_LAG) {
@@ -331,7 +340,7 @@ void filter_expect(const filter *f, double v[2], double C[2][NZ], double by_p[2 
         known_pick_off(k, z, force.f, z[OMEGA], entering);
         known_pick_off_by_state(k, z, force.f, z[OMEGA], pick_by_s);
         spread_pick_off_by_parameter(k, z, force.f, z[OMEGA], one, 2, pick_by_p);
-        add_force_in_voltage(k, z, &force, z[OMEGA], 1.0, pick_by_p);
+        add_force_in_voltage(&now, z, z, &force, once, pick_by_p);
     }
     known_amplify(k, z, entering, z[OMEGA], v);
     known_amplify_by_voltage(k, z, entering, z[OMEGA], through);
@@ -345,7 +354,7 @@ void filter_expect(const filter *f, double v[2], double C[2][NZ], double by_p[2 
                     C[a][j] += through[2 * a + b] * pick_by_s[b * NS + j];
                 }
                 for (int q = 0; q < NP; q++) {
-                    by_p[a * NP + q] += through[2 * a + b] * pick_by_p[b * NP + q];
+                    by_p[a * NW + q] += through[2 * a + b] * pick_by_p[b * NW + q];
                 }
             }
         }

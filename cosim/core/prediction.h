@@ -18,6 +18,6 @@ void filter_enter(filter *f, const double in[IN]);
 void filter_predict(filter *f);
 
 /* What the sample should be [V], its derivatives by z and by p, and its noise [V2]. */
-void filter_expect(const filter *f, double v[2], double C[2][NZ], double by_p[2 * NP], double noise[2]);
+void filter_expect(const filter *f, double v[2], double C[2][NZ], double by_p[2 * NW], double noise[2]);
 
 #endif

@@ -1,6 +1,7 @@
 #include "restart.h"
 
 #include "block.h"
+#include "covariance.h"
 #include "fit.h"
 #include "prediction.h"
 #include "rate.h"
@@ -14,22 +15,7 @@
 static void part_from_constants(filter *f)
 {
     moving *n = &f->now;
-    double YW[NZ][NP];
-    for (int i = 0; i < NZ; i++) {
-        for (int j = 0; j < NP; j++) {
-            YW[i][j] = 0.0;
-            for (int q = 0; q <= j; q++) {
-                YW[i][j] += n->Y[i][q] * f->W[q][j];
-            }
-        }
-    }
-    for (int i = 0; i < NZ; i++) {
-        for (int j = 0; j < NZ; j++) {
-            for (int q = 0; q < NP; q++) {
-                n->P[i][j] += YW[i][q] * YW[j][q];
-            }
-        }
-    }
+    covariance_add_constants(n, f->W, n->P);
     memset(n->Y, 0, sizeof n->Y);
 }
 

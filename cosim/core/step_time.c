@@ -40,7 +40,7 @@ static double correct(moving *n, const double *c, double noise, double e, double
 static double hear(filter *f, int64_t sample, double *squared)
 {
     const heard *h = &f->heard[sample & (RECENT - 1)];
-    double expected[2], C[2][NZ], by_p[2 * NP], noise[2], was[NZ], e;
+    double expected[2], C[2][NZ], by_p[2 * NW], noise[2], was[NZ], e;
     f->sample = sample;
     filter_enter(f, h->in);
     filter_predict(f);

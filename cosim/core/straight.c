@@ -7,6 +7,10 @@
 #define ROUNDS 4      /* of Gauss and Newton at most; the way is short, two are usual */
 #define CLOSE 1e-12   /* of the design's deviation, change of a constant where they end */
 
+/* Deviations of the design by which constants move before what the voltages see is followed. Within one deviation others move by hundreds of what they
+   are known by, as its square: within this by 1e-4. */
+#define STRAIGHT 5e-4
+
 #define LATEST 5         /* commands under way that count: no more than a radian of an oscillation that is sampled thirty times a period */
 
 #define FREQUENCIES 4
@@ -312,19 +316,31 @@ void straight_step(const filter *f, const double eta[NP], const double step[NP],
     block_scale(f, change, trial);
 }
 
+void straight_begin(filter *f) { memcpy(f->followed, f->k.p, sizeof f->followed); }
+
+/* Whether p has moved so far that what the voltages see may have bent. */
+static int has_bent(const filter *f)
+{
+    int bent = 0;
+    for (int q = 0; q < NP; q++) {
+        bent |= fabs(f->k.p[q] - f->followed[q]) > STRAIGHT * f->prior[q];
+    }
+    return READS && bent;
+}
+
 void straight_follow(filter *f)
 {
     view was, now;
     known begun = f->k;
     double change[NP], unit[SEEN], differ[SEEN * NP], along[NP * NP], back[NP * NP];
     const int none_held[NP] = {0};
-    if (!READS) {
+    if (!has_bent(f)) {
         return;
     }
-    memcpy(begun.p, f->p_begun, sizeof begun.p);
+    memcpy(begun.p, f->followed, sizeof begun.p);
     look_from(f, &begun, unit, &was);
     for (int q = 0; q < NP; q++) {
-        change[q] = f->k.p[q] - f->p_begun[q];
+        change[q] = f->k.p[q] - f->followed[q];
     }
     go(f, &was, unit, change, &f->k, &now);
     for (int i = 0; i < SEEN; i++) {
@@ -345,4 +361,5 @@ void straight_follow(filter *f)
         add_of(along, &f->W[0][j], NP);
     }
     block_make_triangular(f->W);
+    straight_begin(f);
 }

@@ -11,8 +11,11 @@
 /* The change of p in units of W to which `step` leads from `eta`, where what the voltages see moves straight: near eta + step. */
 void straight_step(const filter *f, const double eta[NP], const double step[NP], double trial[NP]);
 
-/* A block has moved p from p_begun along a straight line, and z by its slopes: puts p where what the voltages see has moved straight, and carries
-   z, its slopes, W, the rows left for the next block and what no sample shows over to there. */
+/* What the voltages see is taken as it is at the present p. */
+void straight_begin(filter *f);
+
+/* Blocks have moved p from `followed` along a straight line, and z by its slopes: puts p where what the voltages see has moved straight, and carries
+   z, its slopes, W, the rows left for the next block and what no sample shows over to there. Does so once p has moved far enough to bend. */
 void straight_follow(filter *f);
 
 #endif

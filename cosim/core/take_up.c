@@ -91,7 +91,7 @@ void filter_take_up(filter *f, const double v[2])
     enum { STEPS = 6 };
     moving *n = &f->now;
     const double none[2] = {0.0, 0.0};
-    double l[2] = {v[0], v[1]}, through[4], l_by_p[2 * NP], q[2] = {0.0, 0.0}, by_q[4], by_s[2 * NS], by_p[2 * NP], noise[2], u[2];
+    double l[2] = {v[0], v[1]}, through[4], l_by_p[2 * NW], q[2] = {0.0, 0.0}, by_q[4], by_s[2 * NS], by_p[2 * NW], noise[2], u[2];
     double *z = n->z;
     filter_open_states(f);
     known_actuate(&f->k, z, filter_command(f, 0), z[OMEGA], u);
@@ -127,7 +127,7 @@ void filter_take_up(filter *f, const double v[2])
     spread_amplify_by_parameter(&f->k, z, l, z[OMEGA], one, 2, l_by_p);
     spread_pick_off_by_parameter(&f->k, z, u, z[OMEGA], one, 2, by_p);
     known_noise(&f->k, z, none, z[OMEGA], noise);
-    solve_pair(through, l_by_p, NP);
+    solve_pair(through, l_by_p, NW);
     /* The noise of the sample moves the voltages by `root`, and the position by by_q^-1 of it. */
     double root[4] = {sqrt(noise[0]), 0.0, 0.0, sqrt(noise[1])}, spread[NZ][2];
     memset(spread, 0, sizeof spread);
@@ -137,17 +137,17 @@ void filter_take_up(filter *f, const double v[2])
             z[LAG + a] = l[a];
             memcpy(spread[LAG + a], root + 2 * a, 2 * sizeof *root);
             for (int q_ = 0; q_ < NP; q_++) {
-                n->Y[LAG + a][q_] = -l_by_p[a * NP + q_];
+                n->Y[LAG + a][q_] = -l_by_p[a * NW + q_];
             }
         }
     }
-    for (int i = 0; i < 2 * NP; i++) {
+    for (int i = 0; i < 2 * NW; i++) {
         by_p[i] = -l_by_p[i] - by_p[i];
     }
-    solve_pair(by_q, by_p, NP);
+    solve_pair(by_q, by_p, NW);
     solve_pair(by_q, root, 2);
     for (int a = 0; a < 2; a++) {
-        memcpy(n->Y[2 * a], by_p + a * NP, NP * sizeof *by_p);
+        memcpy(n->Y[2 * a], by_p + a * NW, NW * sizeof *by_p);
         memcpy(spread[2 * a], root + 2 * a, 2 * sizeof *root);
     }
     for (int i = 0; i < NZ; i++) {

@@ -67,7 +67,8 @@ class Device:
         self.c = known_values(design, lib, PERIOD)
         self.p, root = prior(design, lib)
         self.deviations = np.linalg.norm(root, axis=1)
-        texts = {name: (FOLDER / name).read_text(encoding="utf-8") for name in ("linear.c", "linear.h", "known.h")}
+        names = ("linear.c", "linear.h", "known.h", "wide.h")
+        texts = {name: (FOLDER / name).read_text(encoding="utf-8") for name in names}
         texts |= {"known_model.h": known.header(), "sizes.h": known.sizes_header(), "driver.c": DRIVER}
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
