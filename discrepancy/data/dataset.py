@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import ceil, inf
+from math import ceil, inf, pi, sqrt
 from pathlib import Path
 from typing import Any, Final, NamedTuple, get_args
 
@@ -12,14 +12,17 @@ import numpy as np
 from discrepancy.data.blow import windowed
 from discrepancy.data.courses import leave_as_little
 from discrepancy.data.hold import RUNS_ON, better_hold
+from discrepancy.data.late import synchronised
 from discrepancy.data.linear_start import linear_start, one_an_axis, sensor_gains
 from discrepancy.data.modes import Mode
 from discrepancy.data.offset import levelled
 from discrepancy.data.record import Floats, Hold, Record, Role, Senses, is_driven, make_record
+from discrepancy.data.resisted import alternatives, moves_alone
 from discrepancy.data.table import SUFFIXES, read_columns
 from discrepancy.data.thinning import spare, thinned
 from discrepancy.data.wander import steadied
 from discrepancy.data.weak_modes import all_modes
+from gyro_model.anatomy import Delay
 from gyro_model.device import check_passive
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import Model, load_model
@@ -145,9 +148,17 @@ class Dataset:
     @cached_property
     def modes(self) -> tuple[list[Mode], list[Mode]]:
         """The modes that the runs to fit show, one an axis and further ones."""
+        if self._moves_alone():
+            return [], []
         first, further = all_modes(self.fit)
         alone = one_an_axis(self.fit, self.nominal) if further else None
         return (alone, []) if alone and leave_as_little(self.fit, alone, [*first, *further]) else (first, further)
+
+    def _moves_alone(self) -> bool:
+        """Whether the runs to fit show a mass without a spring and what resists it, and nothing else."""
+        duration = max(len(record.t) / record.sample_rate for record in self.fit)
+        unsprung = sqrt(abs(self.nominal["kxx"] / self.nominal["m"])) * duration < 2 * pi
+        return unsprung and moves_alone(alternatives(self.fit, self.nominal["sense_gain_x"]))
 
     def _check_nominal(self) -> None:
         model = self.model
@@ -200,12 +211,24 @@ def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float],
     stated, sensed = _as_position(device | nominal, records)
     believed, found = _believed(stated, records)
     complete, more = _completed(believed | offset, axes)
-    more = [*sensed, *offsets, *drifts, *found, *more]
+    records, late = (
+        synchronised(records, complete, _latest(model)) if complete.keys() >= {*NEEDED[axes]} else (records, ())
+    )
+    if late:
+        believed, found = _believed(stated, records)
+        complete, more = _completed(believed | offset, axes)
+    more = [*sensed, *offsets, *drifts, *late, *found, *more]
     unknown = _unknown_gains(stated, records) if axes == 2 and "m" in complete else ()
     estimated = tuple(name for name in believed if name not in stated)
     notes = [*notes, *more, *(note for _, note in read if note), *blows]
     return Dataset(folder, complete, records, tuple(notes), model, unknown, estimated,
                    any("hold" in run for run in runs))  # fmt: skip
+
+
+def _latest(model: Model) -> float:
+    """The longest delay that a device of the ``model`` may have [s]."""
+    delays = [q.high for effect in model.effects if isinstance(effect, Delay) for q in effect.parameters]
+    return max(delays, default=inf)
 
 
 def _since_start(record: Record) -> Record:
@@ -321,10 +344,10 @@ def _believed(nominal: dict[str, float], records: tuple[Record, ...]) -> tuple[d
     known = [nominal[name] for name in gains if name in given]
     if given and given - set(gains) and (known or not driven or "m" not in given):
         return nominal, []
-    alike = [known[0] if known else 1.0] * len(gains)
-    found = None
-    for assumed in [alike] if known else [sensor_gains(fit), alike]:
-        found = found or linear_start(fit, [nominal.get(n, gain) for n, gain in zip(gains, assumed, strict=True)])
+    stated = [nominal.get(name, known[0] if known else 1.0) for name in gains]
+    turned = [-gain for gain in stated] if known and driven and "m" not in given else stated
+    tried = [stated, turned] if known else [sensor_gains(fit), stated]
+    found = next((own for assumed in tried if (own := linear_start(fit, assumed))), None)
     if found is None:
         absent = ", ".join(name for name in needed if name not in given)
         why = "is v the answer to u" if driven else "do the runs ring for some ten periods at a small amplitude"
@@ -336,8 +359,10 @@ def _believed(nominal: dict[str, float], records: tuple[Record, ...]) -> tuple[d
         gain = nominal["m"] / found["m"]
         found = {name: gain * value for name, value in found.items()}
         said = f"{_gains_text(found, gains)}, of which the response is that of the mass given"
-    elif not known:
+    elif not known or found[gains[0]] != stated[0]:
         said = _gains_text(found, gains)
+        # A unit says how large a sensor's gain is, and not which way a record counts it.
+        nominal = {name: value for name, value in nominal.items() if name not in gains}
     said += "" if driven else "; the mass is taken as 1 kg"
     values = ", ".join(f"{name} = {found[name]:.4g}" for name in needed if name not in given and name not in gains)
     from_record = f"from the record's own response {values} (SI)" if values else ""

@@ -7,6 +7,7 @@ delay is none of the device's.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import ceil
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ from discrepancy.data.record import Floats, Record, is_driven
 
 ASTRAY: Final = 0.1
 """Share of the force that a model without delay leaves, from which a fit of it may end astray: a phase of 0.3 rad."""
+SLIGHTLY: Final = 1e-3
+"""The same where a delay that no model has would be taken for other effects: a phase of 0.03 rad."""
 DECISIVE: Final = 3.0
 """Times less of the force that the delayed model must leave: as for the hold, whose half sample is a delay as well."""
 LONGEST: Final = 0.3
@@ -36,8 +39,33 @@ class Late(NamedTuple):
     records: tuple[Record, ...]
 
 
-def lateness(records: Sequence[Record], nominal: Mapping[str, float]) -> Late | None:
-    """The delay that the runs show; None where a model without one does."""
+def synchronised(
+    records: Sequence[Record], nominal: Mapping[str, float], most: float
+) -> tuple[tuple[Record, ...], tuple[str, ...]]:
+    """The runs without a delay that is longer than ``most`` [s], that of any device, and what to say; as they are where
+    those to fit show none."""
+    fit = [record for record in records if record.role == "fit"]
+    if not fit or most * float(mode_frequencies(nominal, fit[0].axes)[-1]) > LONGEST:
+        return tuple(records), ()
+    late = lateness(fit, nominal, SLIGHTLY)
+    if late is None or late.delay <= most:
+        return tuple(records), ()
+    text = (
+        f"v comes {late.delay:.3g} s after what u makes, and no device is later than {most:.3g} s: taken as that much "
+        "earlier; give both channels one clock"
+    )
+    return tuple(_cut(record, late.delay) for record in records), (text,)
+
+
+def _cut(record: Record, delay: float) -> Record:
+    """The run with its voltage earlier by ``delay`` [s], without the samples that it then lacks."""
+    [moved] = _earlier([record], delay)
+    kept = len(record.t) - ceil(delay * record.sample_rate)
+    return replace(moved, valid=moved.valid & (np.arange(len(record.t)) < kept))
+
+
+def lateness(records: Sequence[Record], nominal: Mapping[str, float], astray: float = ASTRAY) -> Late | None:
+    """The delay that the runs show; None where a model without one leaves no more than ``astray``."""
     if not is_driven(records):
         return None
 
@@ -49,7 +77,7 @@ def lateness(records: Sequence[Record], nominal: Mapping[str, float]) -> Late | 
         return told[1] if told is not None and passive else 1.0
 
     without = left(0.0)
-    if without < ASTRAY:
+    if without < astray:
         return None
     longest = LONGEST / float(mode_frequencies(nominal, records[0].axes)[-1])
     delays = np.linspace(0.0, longest, POINTS)

@@ -28,6 +28,8 @@ LOWEST: Final = 4
 """Harmonic of a window from which on an offset of the sensor is not seen: the lobe of sin⁶ ends there."""
 QUIET: Final = 0.02
 """Of the rms of a whole run, below which it is at rest for its first half period."""
+BRIDGED: Final = 20
+"""Part of a period that a gap of the record may be, over which a straight line is off by a hundredth."""
 STIFFNESS_ROOM: Final = 0.5
 """m, k may differ from nominal by this, relative: the widest first guess that the loop is made for."""
 DAMPING_ROOM: Final = 10.0
@@ -83,8 +85,7 @@ def windows(
         return None
     record = _from_rest(record, n)
     starts = np.arange(0, len(record.t) - n + 1, max(n // 2, 1))
-    whole = sliding_window_view(record.valid, n)[starts].all(axis=1)
-    starts = starts[whole]
+    starts = _whole(record.valid, starts, n, int(record.sample_rate / modes[0] / BRIDGED))
     if len(starts) == 0:
         return None
     gains = [nominal["sense_gain_x"], nominal.get("sense_gain_y", 1.0)][: record.axes]
@@ -95,6 +96,24 @@ def windows(
     k = nominal["m"] * (2 * np.pi * top_hz) ** 2 if top_hz else nominal["kxx"]
     weight = 1 / (np.abs(k - nominal["m"] * w**2) + 0.1 * k)
     return Windows(record, _Window(n, record.sample_rate, bins, w), starts, gains, weight)
+
+
+def _whole(valid: NDArray[np.bool_], starts: NDArray[np.int_], n: int, short: int) -> NDArray[np.int_]:
+    """The starts of windows of ``n`` samples without any that are masked; where there is none, without gaps longer than
+    ``short``, over which what was measured runs straight."""
+    whole = starts[sliding_window_view(valid, n)[starts].all(axis=1)]
+    if len(whole):
+        return whole
+    long = valid.copy()
+    for begin, end in gaps(valid):
+        long[begin:end] = end - begin <= short
+    return starts[sliding_window_view(long, n)[starts].all(axis=1)]
+
+
+def gaps(valid: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Where runs of masked samples begin and end."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([True], valid, [True])).astype(int)))
+    return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
 
 
 def weak_form(

@@ -8,6 +8,7 @@ While friction holds the mass at rest it takes up all of the force. Of a sensor 
 """
 
 from collections.abc import Sequence
+from copy import copy
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -33,6 +34,9 @@ SETTLED: Final = 1e-4
 """Of the logarithm of that, to which the best is found."""
 BEYOND: Final = 1e9
 """Share of the motion, that a place leaves at most where no force will do."""
+ALONE: Final = 0.05
+"""Share of the motion's rms that is left at most by a mass and forces which are all that moves it: 0.013 of an axis in
+its loop with friction and a constant force, 0.28 and more of shafts that carry a load by a spring."""
 HELD: Final = [1, 2, 4]
 """Forces that rest acts on, of those of a motion."""
 
@@ -55,6 +59,16 @@ def alternatives(records: Sequence[Record], gain: float) -> list[Resisted]:
     if any(record.axes > 1 or record.order > 1 or not record.u.any() for record in records):
         return []
     motions = [_Motion(record, gain) for record in records]
+    found = _alternatives(records, motions)
+    if any(own.rests and not own.surely for own in motions):
+        # A mass that turns round as the run begins has a speed of its own.
+        moving = _alternatives(records, [own if own.surely else own.moving() for own in motions])
+        if moving and found and min(own.left for own in moving) < PLAINLY * min(own.left for own in found):
+            return moving
+    return found
+
+
+def _alternatives(records: Sequence[Record], motions: Sequence["_Motion"]) -> list[Resisted]:
     length = max(len(record.t) / record.sample_rate for record in records)
     rates = [0.0, *np.geomspace(SLOWEST / length, FASTEST / length, TRIALS).tolist()]
     tried = [(rate, _products(motions, rate)) for rate in rates]
@@ -67,6 +81,13 @@ def fewest(found: Sequence[Resisted]) -> Resisted | None:
     """Of alternatives the one of fewest forces that leaves no more than twice what all do; None of none."""
     least = min((own.left for own in found), default=0.0)
     return next((own for own in found if PLAINLY * own.left <= least), None)
+
+
+def moves_alone(found: Sequence[Resisted]) -> bool:
+    """Whether by these alternatives a mass and a force that resists, or is always there, are all that moves: what else
+    a linear model sees, as the tones of a loop's reference, the force has made."""
+    told = fewest(found)
+    return told is not None and bool(told.friction or told.constant) and told.left <= ALONE
 
 
 def one_way(records: Sequence[Record]) -> bool:
@@ -98,9 +119,15 @@ class _Motion:
         u = record.u[:, 0] if record.hold == "zero" else 0.5 * (record.u[:, 0] + np.append(record.u[1:, 0], 0.0))
         moves = np.abs(way)
         self.forces = np.vstack((u, u * moves, -way, np.ones(self.count), moves))
-        at_rest = moves < np.tanh(1.0)
-        self.rests = bool(at_rest[0])
-        self.strokes = _strokes(at_rest, 2 * (self.count // SMOOTHED) + 1)
+        at_rest, least = moves < np.tanh(1.0), 2 * (self.count // SMOOTHED) + 1
+        self.rests, self.surely = bool(at_rest[0]), bool(at_rest[:least].all())
+        self.strokes = _strokes(at_rest, least)
+
+    def moving(self) -> "_Motion":
+        """The same of a mass that does not rest as the run begins."""
+        other = copy(self)
+        other.rests = False
+        return other
 
     def columns(self, rate: float) -> Floats:
         """What each force makes of the motion of 1 kg whose speed is taken away at that ``rate`` [1/s], and the motion,

@@ -16,7 +16,7 @@ from discrepancy.criteria import Criteria
 from discrepancy.data.record import Record
 from discrepancy.fit.defect import Disturbance, Level
 from discrepancy.fit.fitted import Fitted
-from discrepancy.fit.noise import BOLTZMANN, thermal
+from discrepancy.fit.noise import BOLTZMANN, is_white, thermal
 from gyro_model.quantities import size
 
 WINDOWS: Final = 16
@@ -26,6 +26,10 @@ QUIET: Final = 0.2
 scatter of 31 half-overlapping windows puts that 15 % below the mean density, 8 % in rms."""
 ALIKE: Final = 1.5
 """Ratio of the two rms up to which they are one: the first is known to the filter's settings, to some ten per cent."""
+SLIGHT: Final = 0.015
+"""Share of the force's rms that such noise may be where the force is nowhere quiet, and its record does not show it."""
+WHITE: Final = 3.0
+"""Times the mean density that an octave of the rest may then have: what a model lacks is no white force."""
 
 RMS = size("force_noise", "N", "rms of the noise in the recorded force a sample", low=0.0)
 
@@ -39,9 +43,16 @@ def find(at: Fitted, records: Sequence[Record], criteria: Criteria) -> Mapping[s
     kelvin = float(np.mean([np.mean(r.conditions.get("temperature", p.get("t_ref", 298.15))) for r in records]))
     damping = float(np.mean([p[f"d{axis}{axis}"] for axis in "xy"[: first.axes]]))
     unit = float(np.sqrt(2 * BOLTZMANN * kelvin * damping * first.sample_rate))
-    if not 1 / ALIKE < unit * level.value / floor < ALIKE:
+    rms = unit * level.value
+    if rms > ALIKE * floor or (rms < floor / ALIKE and not _may_be(at, records, criteria, rms)):
         return None
     return {"force_noise": Level(unit * level.value, unit * level.low, unit * level.high)}
+
+
+def _may_be(at: Fitted, records: Sequence[Record], criteria: Criteria, rms: float) -> bool:
+    """Whether a noise of ``rms`` [N] that is below all that the force's record shows may be in it."""
+    force = float(np.sqrt(np.mean(np.concatenate([r.u.ravel() for r in records]) ** 2)))
+    return rms <= SLIGHT * force and is_white(at, records, criteria.noise_chance, WHITE)
 
 
 def _floor(records: Sequence[Record]) -> float:

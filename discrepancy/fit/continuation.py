@@ -115,7 +115,7 @@ def roughly_settled(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
 
 def nearly_settled(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
     """As ``settled``, but near the minimum only, where whole runs stay in step."""
-    direct = whole.fit(whole.whitened(at), FEW)
+    direct = whole.fit(whole.whitened(started(whole, at)), FEW)
     return (whole, direct) if whole.off(direct) < _astray(whole, direct) else settled(whole, at)
 
 

@@ -7,7 +7,7 @@ voltage changes fast, thermal force as a motion that nothing drives, the convert
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq, minimize, minimize_scalar
@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from discrepancy.data.linear_fit import mode_frequencies
 from discrepancy.data.modes import band_of
-from discrepancy.data.record import Floats, Record
+from discrepancy.data.record import Bools, Floats, Record
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.whitening import Setting, lifted, misfit_under, top_rate, whitener
 
@@ -167,6 +167,32 @@ def unlike_flicker(at: Fitted, records: Sequence[Record], chance: float, times: 
     """Frequency [Hz] about which the residual is furthest from the flicker of the filter that whitens it, and how many
     times its density it has there; None where none is ``times`` below it, nor, where flicker is above the white noise,
     over it, or ``chance`` would make it so. What a model lacks adds elsewhere, and takes nothing away."""
+    found = _octaves(at, records)
+    slow = found.begin < at.whiten.setting.corner
+    return _furthest(found.only(slow | (found.ratio < 1)), chance, times)
+
+
+def is_white(at: Fitted, records: Sequence[Record], chance: float, times: float) -> bool:
+    """Whether no octave of what the filter leaves of the residual has ``times`` the mean density, but where ``chance``
+    would make it so. What a model lacks adds to some; parameters that are fitted take away of others."""
+    found = _octaves(at, records)
+    return _furthest(found.only(found.ratio > 1), chance, times) is None
+
+
+class _Octaves(NamedTuple):
+    """Of a whitened residual, (n,): where octaves begin [Hz], their density over the mean, and its degrees of
+    freedom."""
+
+    begin: Floats
+    ratio: Floats
+    freedom: Floats
+
+    def only(self, which: Bools) -> "_Octaves":
+        """Those of ``which``."""
+        return _Octaves(*(values[which] for values in self))
+
+
+def _octaves(at: Fitted, records: Sequence[Record]) -> _Octaves:
     lowest = min(r.sample_rate / len(residual) for r, residual in zip(records, at.residuals, strict=True))
     power, count, square, samples = np.zeros(64), np.zeros(64), 0.0, 0
     for residual, record in zip(at.residuals, records, strict=True):
@@ -178,15 +204,21 @@ def unlike_flicker(at: Fitted, records: Sequence[Record], chance: float, times: 
         power += np.bincount(octave, density.sum(axis=1), len(power))
         count += np.bincount(octave, minlength=len(power)) * record.axes
     ratio = power / np.maximum(count, 1) / (square / samples)
-    slow = lowest * 2.0 ** np.arange(len(power)) < at.whiten.setting.corner
-    asked = (count > 0) & (slow | (ratio < 1))
-    ratio, freedom = ratio[asked], 2 * count[asked] / HANN
-    sure = np.minimum(chi2.sf(ratio * freedom, freedom), chi2.cdf(ratio * freedom, freedom)) < chance
-    off = np.where(sure, np.abs(np.log(np.maximum(ratio, 1e-300))), 0.0)
+    begin = np.asarray(lowest * 2.0 ** np.arange(64), np.float64)
+    return _Octaves(begin, ratio, 2 * count / HANN).only(count > 0)
+
+
+def _furthest(found: _Octaves, chance: float, times: float) -> tuple[float, float] | None:
+    """Middle of the octave whose density is furthest from the mean, and that; None where it is less than ``times`` away
+    or by ``chance``."""
+    told = np.minimum(
+        chi2.sf(found.ratio * found.freedom, found.freedom), chi2.cdf(found.ratio * found.freedom, found.freedom)
+    )
+    off = np.where(told < chance, np.abs(np.log(np.maximum(found.ratio, 1e-300))), 0.0)
     worst = int(np.argmax(off)) if len(off) else 0
     if not len(off) or off[worst] < np.log(times):
         return None
-    return float(lowest * 2.0 ** (np.flatnonzero(asked)[worst] + 0.5)), float(ratio[worst])
+    return float(found.begin[worst] * 2.0**0.5), float(found.ratio[worst])
 
 
 def jitter(at: Fitted, records: Sequence[Record]) -> Level | None:

@@ -211,7 +211,7 @@ class Fitter:
         """``at`` with the whitening that its residuals ask for."""
         off, valid = self.off(at), [r.valid for r in self.records]
         colour = autoregression([r.v for r in self.records], at.residuals, valid) if off < CLOSE else ()
-        found = likeliest(at.parameters, self.period, at.residuals, valid, self.simulator.each, flicker=off < FAINT,
+        found = likeliest(at.parameters, self.period, at.residuals, valid, self.simulator.each, faint=off < FAINT,
                           colour=colour)  # fmt: skip
         return self._costed(replace(at, whiten=found))
 

@@ -22,6 +22,9 @@ from discrepancy.fit.colour import gain, predicted_out, response
 
 MEMORIES: Final = (0.0, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0)
 """Tracking bandwidths tried, in units of one over the length of a run; 0: no disturbance."""
+UNHELD: Final = (4096.0, 16384.0, 65536.0)
+"""The same of a mass that no spring holds, whose way adds up what shakes it: far above the white noise of its sensor it
+is no slower to be followed."""
 LOWEST_CORNER, CORNER_RATIO = 0.3, 4.0
 """Frequencies tried at which flicker equals the white noise: the lowest over one over the length of a run, and the
 ratio of neighbours, up to four times the sample rate."""
@@ -195,9 +198,11 @@ def lifted(setting: Setting, turn: float) -> float:
 
 
 def top_rate(p: Mapping[str, float], axes: int) -> float:
-    """Square of the highest mode's angular frequency [1/s²]."""
+    """Square of the highest mode's angular frequency [1/s²]; of the rate at which damping takes the speed away, where
+    that is higher, as of a mass that no spring holds."""
     k = np.array([[p["kxx"], p.get("kxy", 0.0)], [p.get("kxy", 0.0), p.get("kyy", 0.0)]])[:axes, :axes]
-    return float(np.linalg.eigvalsh(k).max() / p["m"])
+    damping = max(p[f"d{axis}{axis}"] for axis in "xy"[:axes]) / p["m"]
+    return float(max(np.linalg.eigvalsh(k).max() / p["m"], damping**2))
 
 
 def _flicker(axes: int, period: float, corner: float, length: int) -> _Part:
@@ -246,12 +251,12 @@ def likeliest(
     valid: Sequence[Bools],
     each: Each = map,
     *,
-    flicker: bool = True,
+    faint: bool = True,
     colour: tuple[float, ...] = (),
 ) -> Whitener:
-    """The filter under which ``residuals`` (one (n, axes) a run) [V] are likeliest, their noise level free; without
-    ``flicker`` only a motion is taken out. each: a ``map``, which may work in parallel; colour: an autoregression that
-    is taken where it earns as much as a noise has to."""
+    """The filter under which ``residuals`` (one (n, axes) a run) [V] are likeliest, their noise level free; but of
+    ``faint`` ones a motion is taken out only, and that of a mass which a spring holds. each: a ``map``, which may work
+    in parallel; colour: an autoregression that is taken where it earns as much as a noise has to."""
     samples = max(len(r) for r in residuals)
     length = samples * period
     residuals, valid = [r[:CHOSEN] for r in residuals], [u[:CHOSEN] for u in valid]
@@ -267,9 +272,12 @@ def likeliest(
         )
 
     def under(colour: tuple[float, ...]) -> tuple[float, Setting]:
-        bandwidths = [memory / length for memory in MEMORIES]
+        held = p["kxx"] * length**2 >= p["m"]
+        # What a model lacks of a mass that no spring holds adds up as what shakes it does.
+        memories = MEMORIES if held else MEMORIES + UNHELD if faint else MEMORIES[:1]
+        bandwidths = [memory / length for memory in memories]
         found = finer(best([Setting(b, 0.0, colour) for b in bandwidths]), "bandwidth")
-        if flicker and _rises(residuals, valid):
+        if faint and _rises(residuals, valid):
             corners = LOWEST_CORNER / length * CORNER_RATIO ** np.arange(np.log(samples) / np.log(CORNER_RATIO) + 2)
             wandering = finer(best([Setting(0.0, float(corner), colour) for corner in corners]), "corner")
             both = finer(best([replace(wandering[1], bandwidth=b) for b in bandwidths]), "bandwidth")

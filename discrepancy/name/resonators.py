@@ -155,8 +155,12 @@ def resonators(search: Search, told: Carried) -> list[Resonator]:
             joint = float(absorber.joint[absorber.axis])
             if not all(q.low <= joint <= q.high for q in unmoved(fitting[0])):
                 continue
-            own = ready.pop(fitting[0].effect.id)
+            own = fitting[0]
             values = _as(own.effect, absorber, told.m)
+            if not all(q.low <= values[q.name] <= q.high for q in own.effect.parameters if q.name in values):
+                # What goes slower than any resonator may is how the sensor wanders, or how a run begins.
+                continue
+            del ready[own.effect.id]
             shapes = {name: values.pop(name) for name in own.shapes}
             found.append(Resonator(replace(own, shapes=shapes), values, joint))
     return found
