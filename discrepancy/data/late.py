@@ -28,6 +28,8 @@ LONGEST: Final = 0.3
 """Longest delay, in periods of the highest mode. From half a period on a delay is a turned sensor."""
 SAMPLES: Final = 40_000
 """Of the first runs, that are looked at: more make the delay no plainer, and each trial takes as long as they are."""
+SURE: Final = 1e-4
+"""Of the longest delay, to which the best is found: what is taken from a voltage too much no device can make up for."""
 POINTS: Final = 13
 """Delays tried at first: from one to the next the phase turns by 0.16 rad."""
 
@@ -85,7 +87,7 @@ def lateness(records: Sequence[Record], nominal: Mapping[str, float], astray: fl
     if not 0 < best < POINTS - 1:
         return None
     found = minimize_scalar(left, bounds=(delays[best - 1], delays[best + 1]), method="bounded",
-                            options={"xatol": 1e-2 * longest})  # fmt: skip
+                            options={"xatol": SURE * longest})  # fmt: skip
     delay = float(found.x)
     return Late(delay, _earlier(records, delay)) if DECISIVE * found.fun < without else None
 

@@ -38,6 +38,9 @@ springs hold. Other sensors see no jumps: of six such masses by their place or s
 HELD: Final = 0.5
 """Share of the power that a suspended structure leaves, below which it is one that nothing holds: the fit of one may
 have loads that push it away."""
+FEWEST, LONGEST = 8.0, 10.0
+"""Periods of the longest run below which, and times that run in which it dies away beyond which, what looks like a mode
+beside a motion as a whole is a tone: 3 to 8 periods of five axes in their loops, or a quality of 1e4 at 1 Hz."""
 LOBE: Final = 2
 """Bins to either side of a frequency that a window spreads it to."""
 
@@ -48,6 +51,11 @@ def all_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
     records that plainly show a friction beside them, or a spring that bends, those that they show with it. Where
     displacements show none, or one of a place that nothing holds, whose way hides what answers quickly, their speeds
     are asked too."""
+    first, further = _with_all_views(records)
+    return first, _without_tones(records, further)
+
+
+def _with_all_views(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
     first, further = _beside_courses(records)
     known = [*first, *further]
     if not (is_driven(records) and are_displacements(records)) or (known and all(mode.seen for mode in known)):
@@ -57,6 +65,20 @@ def all_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
         return own, more
     new = [m for m in (*own, *more) if m.seen and all(apart(m.frequency, k.frequency) for k in known)]
     return first, sorted([*further, *new])[:MOST]
+
+
+def _without_tones(records: Sequence[Record], modes: Sequence[Mode]) -> list[Mode]:
+    """Those modes that a mass which nothing holds may carry: of a loop around it the friction makes the tones of the
+    reference, which are slow or do not die away."""
+    duration = max(len(record.t) / record.sample_rate for record in records)
+    held = all(mode.seen for mode in modes)
+    return [
+        mode
+        for mode in modes
+        if held
+        or not mode.seen
+        or (mode.frequency * duration >= FEWEST and mode.quality <= LONGEST * np.pi * mode.frequency * duration)
+    ]
 
 
 def _beside_courses(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:

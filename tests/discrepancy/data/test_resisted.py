@@ -13,7 +13,7 @@ from discrepancy.data.dataset import Dataset
 from discrepancy.data.excitation import cramer_rao_bounds
 from discrepancy.data.linear_start import linear_start
 from discrepancy.data.record import Record, make_record
-from discrepancy.data.resisted import Resisted, alternatives, fewest, one_way
+from discrepancy.data.resisted import Resisted, alternatives, fewest, moves_alone, one_way
 
 RATE, SAMPLES, FINE = 1000.0, 10_000, 20
 MASS, DAMPING = 1.4e-4, 1.4e-4
@@ -143,3 +143,45 @@ def test_a_damping_that_is_none_need_not_be_known() -> None:
     nominal = {"m": MASS, "kxx": 1e-3 * MASS, "dxx": 1e-9, "sense_gain_x": 1.0}
     assert cramer_rao_bounds((own,), nominal)["dxx"] > 0.5
     assert not [finding for finding in excitation(Dataset(Path(), nominal, (own,))) if "dxx" in finding.message]
+
+
+def test_an_axis_in_its_loop_moves_by_what_resists_it_alone() -> None:
+    """The force follows the tones of a reference, which a linear model takes for modes."""
+    seen, u = np.empty(SAMPLES), np.empty(SAMPLES)
+    x, v, friction, constant = 0.0, 0.0, 0.012, -0.004
+    for k in range(SAMPLES):
+        t = k / RATE
+        wanted = 2.0 * np.sin(2 * np.pi * 0.3 * t) + 0.5 * np.sin(2 * np.pi * 0.77 * t)
+        seen[k], u[k] = x, 0.02 * (wanted - x) - 2e-3 * v
+        for _ in range(FINE):
+            f = u[k] + constant - DAMPING * v
+            if v == 0 and abs(f) <= friction:
+                continue
+            after = v + (f - friction * np.sign(v or f)) / MASS / RATE / FINE
+            after = 0.0 if v * after < 0 else after
+            x, v = x + 0.5 * (v + after) / RATE / FINE, after
+    record = make_record("axis", np.arange(SAMPLES) / RATE, u[:, None], seen[:, None], sample_rate=RATE)
+    found = alternatives([record], 1.0)
+    assert moves_alone(found)
+    assert not moves_alone(alternatives([motor(back_and_forth)], 1.0))
+    data = Dataset(Path(), {"m": MASS, "kxx": 1e-9, "dxx": DAMPING, "sense_gain_x": 1.0},
+                   (record, replace(record, role="held-out")))  # fmt: skip
+    assert data.modes == ([], [])
+
+
+def test_a_mass_that_turns_round_as_a_run_begins_has_a_speed() -> None:
+    """At rest for a sample is not at rest; without a speed of its own the mass came out 1.3 times as large."""
+    t = np.arange(SAMPLES) / RATE
+    runs = []
+    for seed in range(2):
+        phase = np.random.default_rng(seed).uniform(0, 2 * np.pi, 30)
+        w = 2 * np.pi * np.linspace(1.5, 40, 30)
+        u = np.sin(w * t[:, None] + phase).sum(axis=1)
+        # From a speed that the force takes back at once.
+        x = -(np.sin(w * t[:, None] + phase) / w**2).sum(axis=1) / MASS
+        slow = (np.cos(phase) / w).sum() / MASS
+        runs.append(make_record(f"{seed}", t, u[:, None], (x + (slow - 1e-4 * seed) * t)[:, None], sample_rate=RATE,
+                                hold="band-limited"))  # fmt: skip
+    found = resisted(runs, 1.0)
+    assert found is not None
+    assert found.m == pytest.approx(MASS, rel=0.01)

@@ -13,7 +13,7 @@ from benchmarks.bent import Bent, runs
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.linear_start import linear_start
 from discrepancy.data.record import Senses, make_record
-from discrepancy.fit.continuation import beginnings, grown, in_pieces, leaves, started, unsprung
+from discrepancy.fit.continuation import beginnings, cut, grown, in_pieces, leaves, nearly_settled, started, unsprung
 from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.measures import start_fitted
 from discrepancy.fit.refit import Fitter
@@ -62,6 +62,20 @@ def test_parameters_that_the_fmu_refuses_are_a_place_to_go_on_from() -> None:
         # What was linearised elsewhere is no slope here, least of all of other runs.
         assert (refused.grams, refused.fill) == (None, ())
         assert whole.fit(refused).cost == np.inf
+
+
+def test_a_fit_of_pieces_goes_on_over_whole_runs() -> None:
+    u = np.random.default_rng(2).standard_normal(SAMPLES)
+    record = make_record("1", np.arange(SAMPLES) / RATE, u[:, None], _answer(u, OWN)[:, None], sample_rate=RATE)
+    w = 2 * np.pi * OWN
+    device = {"m": w**-2, "kxx": 1.01, "dxx": 1 / (w * Q), "sense_gain_x": 1.0}
+    with Simulator(MODEL, 1) as simulator:
+        whole = Fitter(simulator, (record,))
+        pieces = cut(whole, 4)
+        of_pieces = pieces.fit(started(pieces, whole.begin(device)), 2)
+        fitter, at = nearly_settled(whole, of_pieces)
+        assert fitter is whole
+        assert whole.off(at) < 1e-3
 
 
 def test_a_device_that_no_spring_brings_back_has_no_period() -> None:

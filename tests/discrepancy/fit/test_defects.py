@@ -552,3 +552,19 @@ def test_samples_lost_in_a_held_out_run_are_found_where_a_period_has_ten(lost: i
     assert number == lost
     assert abs(place - k) <= 3
     assert own.again(Found((), {}), replace(late, v=wave + (v - wave[rows])), v - wave[rows]) == ()
+
+
+@pytest.mark.parametrize(("share", "hum", "seen"), [(0.01, 0.0, True), (0.05, 0.0, False), (0.01, 5.0, False)])
+def test_a_force_that_is_nowhere_quiet_may_hold_a_slight_noise(
+    share: float, hum: float, seen: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Below all that its record shows; a hum that is left beside it is no white force."""
+    residual = hum * NOISE * np.sqrt(2) * np.sin(2 * np.pi * 0.03 * RATE * T)[:, None] * np.ones((1, 2))
+    at, runs = fitted([residual])
+    u = 1e-5 * np.random.default_rng(4).standard_normal((N, 2))
+    size = share * 1e-5 / np.sqrt(2 * BOLTZMANN * 298.15 * P["dxx"] * RATE)
+    monkeypatch.setattr(force_noise, "thermal", lambda *_: NoiseLevel(size, 0.9 * size, 1.1 * size))
+    levels = disturbance("force_noise").find(at, [replace(runs[0], u=u)], Criteria())
+    assert (levels is not None) == seen
+    if levels:
+        assert levels["force_noise"].value == pytest.approx(share * 1e-5)
