@@ -124,6 +124,7 @@ STANDARD_GRAVITY: Final = 9.80665
 ZERO_CELSIUS: Final = 273.15
 """0 °C in K, by definition."""
 _PREFIX: Final = {"": 1.0, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3}
+_LENGTHS: Final = {**_PREFIX, "c": 1e-2}
 _DEGREE: Final = pi / 180
 
 MEASURED: Final[Mapping[str, Mapping[str, Conversion]]] = {
@@ -136,8 +137,8 @@ MEASURED: Final[Mapping[str, Mapping[str, Conversion]]] = {
     "N": {f"{p}N": Conversion(x) for p, x in _PREFIX.items()},
     "N.m": {f"{p}N{dot}m": Conversion(x) for dot in (".", "", " ", "*", "·") for p, x in _PREFIX.items()},
     "V": {f"{p}V": Conversion(x) for p, x in _PREFIX.items()},
-    "m": {"pm": Conversion(1e-12), **{f"{p}m": Conversion(x) for p, x in _PREFIX.items()}},
-    "m/s": {f"{p}m/s": Conversion(x) for p, x in _PREFIX.items()},
+    "m": {"pm": Conversion(1e-12), **{f"{p}m": Conversion(x) for p, x in _LENGTHS.items()}},
+    "m/s": {f"{p}m/s": Conversion(x) for p, x in _LENGTHS.items()},
     "rad": {
         "rad": Conversion(1.0),
         "mrad": Conversion(1e-3),
@@ -160,7 +161,8 @@ MEASURED: Final[Mapping[str, Mapping[str, Conversion]]] = {
     },
     "K": {"K": Conversion(1.0), **dict.fromkeys(("degC", "°C", "C"), Conversion(1.0, ZERO_CELSIUS))},
     "m/s2": {
-        **dict.fromkeys(("m/s2", "m/s^2", "m/s²"), Conversion(1.0)),
+        **{f"{p}m/s{two}": Conversion(x) for p, x in _LENGTHS.items() for two in ("2", "^2", "²")},
+        "Gal": Conversion(1e-2),
         "g": Conversion(STANDARD_GRAVITY),
         "mg": Conversion(1e-3 * STANDARD_GRAVITY),
     },

@@ -130,7 +130,7 @@ def guess_sources(headings: Sequence[str], request: Request) -> dict[str, Source
         heading = maps.get(column)
         if heading is None:
             taken = set(maps.values())
-            fitting = [h for h in headings if h not in taken and _bare(h, column) in ALIASES[column]]
+            fitting = [h for h in headings if h not in taken and _is_called(h, column)]
             # The column's own name goes before its other names.
             fitting = [h for h in fitting if _bare(h, column) == column] or fitting
             if not _two_axes(sources):
@@ -355,6 +355,14 @@ def _write(folder: Path, pieces: list[Piece], text: str) -> None:
             os.replace(beside / name, folder / name)
     finally:
         shutil.rmtree(beside, ignore_errors=True)
+
+
+def _is_called(heading: str, column: str) -> bool:
+    """Whether a heading is one of the column's names; x and y alone are those of a sensor where the unit is a
+    motion's."""
+    name, unit = _bare(heading, column), _parts(heading, column)[1]
+    moves = column in MOTIONS and name == column[-1] and any(unit in MEASURED[si] for si in SENSED)
+    return name in ALIASES[column] or moves
 
 
 def _bare(heading: str, column: str) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from math import isfinite, isnan
+from math import inf, isfinite, isnan
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -36,6 +36,13 @@ of the way."""
 
 FAR_FROM_THERMAL: Final = 1000.0
 """Times the thermal force beyond which by how much is not told."""
+
+MUCH: Final = 0.5
+"""Share of the refit's residual power, from which what the response shows of a resonator is no more than what others
+show: of two sensors and one force one was named at a frequency of its own where 0.57 was left."""
+SHORT: Final = 100.0
+"""Variances that a further step would gain, from which values are not those of the likeliest model: two matrices of
+gains were named at 0.96 and 0.99 in the place of a third and a delay, 350 short of it."""
 
 LOUDER: Final = 3.0
 """Times the noise of the runs to fit, in proportion to the motion where that is larger, that is still believed to be
@@ -220,10 +227,11 @@ def probability(
 
     Where the rivals were not tried, one as good as the name is reckoned with. What is left when all is named may be
     what the name only imitates, and one that unseen data or a better term speak ``against`` is likely wrong: both take
-    from it. Neither is so of a resonator whose mode is ``shown`` by the response itself, where nothing speaks against
-    it and it has taken something away.
+    from it, and so does a fit that is far from its minimum yet. Neither is so of a resonator whose mode is ``shown`` by
+    the response itself, where nothing speaks against it, it has taken something away, and little is left.
     """
     shown = shown and not against and _brought(finding.id, rest, stages) >= search.criteria.believed
+    shown = shown and rest.share <= MUCH
     entry = next((a for a in search.accepted if a.id == finding.id), None)
     weights = list(_weights(entry).values()) if entry else []
     if entry and not (entry.asked or shown or entry.id in search.partners):
@@ -231,6 +239,8 @@ def probability(
     found = (1 - search.criteria.prior_none) / (1 + sum(weights))
     if rest.significant and not shown:
         found *= 1 - max(rest.share, 0.5)
+    if rest.above and not rest.significant and SHORT < search.at.left < inf:
+        found *= 0.5
     if (rest.above or rest.significant) and not shown:
         found *= _brought(finding.id, rest, stages)
     return 0.2 * found if against else found

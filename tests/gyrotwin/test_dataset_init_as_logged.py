@@ -8,6 +8,7 @@ import pytest
 import typer
 
 from discrepancy.data.dataset import load_dataset
+from discrepancy.data.import_table import Request, guess_sources
 from gyro_model.errors import InputError
 from gyrotwin.dataset import dataset_app
 
@@ -123,3 +124,13 @@ def test_what_is_held_out_of_a_decay_moves(tmp_path: Path) -> None:
     [held] = data.held_out
     assert np.abs(held.v[: round(1.5 * RATE)]).max() > 0.3
     assert sum(len(record.t) for record in data.records) == len(T)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("µm", 1e-6), ("cm", 1e-2), ("cm/s", 1e-2), ("mm/s2", 1e-3)])
+def test_places_are_called_after_their_axes(unit: str, factor: float) -> None:
+    request = Request(files=(), out=Path())
+    found = guess_sources(["t [s]", "Fx [N]", "Fy [N]", f"x [{unit}]", f"y [{unit}]"], request)
+    assert [found[name].heading for name in ("v_x", "v_y")] == [f"x [{unit}]", f"y [{unit}]"]
+    assert found["v_x"].factor == pytest.approx(factor)
+    # Without a unit of a motion x may be anything.
+    assert "v_y" not in guess_sources(["t", "u_x", "u_y", "x", "y"], request)

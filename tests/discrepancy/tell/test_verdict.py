@@ -21,10 +21,10 @@ from gyro_model.model import load_model
 CLEAN = Remainder(share=0.0, ratio=1.0, above=False, significant=False)
 
 
-def search(asked: bool = True, **behind: float) -> Any:
-    """Two effects in a model, the rivals of each so far ``behind``."""
+def search(asked: bool = True, short: float = 0.0, **behind: float) -> Any:
+    """Two effects in a model, the rivals of each so far ``behind``; short: variances that a further step would gain."""
     names = [SimpleNamespace(id=name, behind=behind, asked=asked) for name in ("large", "small")]
-    return SimpleNamespace(accepted=names, partners=set(), criteria=Criteria())
+    return SimpleNamespace(accepted=names, partners=set(), criteria=Criteria(), at=SimpleNamespace(left=short))
 
 
 def stages(*misfits: float) -> tuple[Stage, ...]:
@@ -59,6 +59,19 @@ def test_what_is_left_takes_nothing_from_a_mode_that_the_response_shows() -> Non
     args = search(asked=False), Finding("large", (), {}), rest, stages(1.0, 0.1, 0.09)
     assert probability(*args) < sure / 4
     assert probability(*args, shown=True) == pytest.approx(sure)
+
+
+def test_where_most_is_left_a_mode_that_the_response_shows_is_one_of_many() -> None:
+    rest = Remainder(share=0.57, ratio=50.0, above=True, significant=True)
+    args = search(), Finding("large", (), {}), rest, stages(1.0, 0.8, 0.75)
+    assert probability(*args, shown=True) == probability(*args) < 0.5
+
+
+@pytest.mark.parametrize(("short", "share"), [(50.0, 1.0), (350.0, 0.5), (np.inf, 1.0)])
+def test_a_fit_far_from_its_minimum_is_half_sure(short: float, share: float) -> None:
+    rest = Remainder(share=0.002, ratio=1.9, above=True, significant=False)
+    found = of("large", search(short=short), rest, 1.0, 0.1, 0.01)
+    assert found == pytest.approx(share * of("large", search(), rest, 1.0, 0.1, 0.01))
 
 
 def test_a_mode_that_takes_nothing_away_where_all_is_left_is_no_name() -> None:
@@ -100,8 +113,8 @@ def test_of_what_stays_above_noise_the_one_that_brought_little_is_in_doubt() -> 
 def test_a_name_that_came_in_the_place_of_another_counts_what_all_brought() -> None:
     rest = Remainder(share=0.9, ratio=2.0, above=False, significant=True)
     found = of("small", search(), rest, 1.0, 0.99, 0.98)
-    replaced = SimpleNamespace(accepted=[SimpleNamespace(id="other", behind={}, asked=True)], partners=set(),
-                               criteria=Criteria())  # fmt: skip
+    replaced = search()
+    replaced.accepted = [SimpleNamespace(id="other", behind={}, asked=True)]
     other = probability(
         replaced, Finding("other", (), {}), rest, (Stage("nominal", {}, {"": 9.0}, {}), *stages(1.0, 0.99, 0.98))
     )
