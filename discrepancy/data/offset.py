@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from discrepancy.data.record import Record, unheld
+from discrepancy.data.record import Floats, Record, unheld
 from gyro_model.anatomy import SLOTS, Map
 from gyro_model.model import Model
 from gyro_model.quantities import Quantity
@@ -21,6 +21,9 @@ makes of a motion is below the motion itself."""
 MOVING: Final = 0.05
 """The same of a velocity or an acceleration: their mean over a run is what the end differs from the begin by, over its
 length, which of a mass that a spring holds is 0.01 of the motion's rms after 45 periods."""
+LOUDER, APART, ALIKE = 2.0, 0.05, 1.0
+"""Times the motion of one run that another has at least, and of the least of these that the means of all differ by at
+most, where a mean of so many times the largest is an offset too."""
 SAME: Final = 1.0
 """Times the motion's rms by which the means of the runs may differ: else the mass itself has moved."""
 STILL: Final = 0.03
@@ -51,6 +54,8 @@ def levelled(records: Sequence[Record], stated: Mapping[str, float], model: Mode
         means = np.array([np.mean(r.v[r.valid, axis]) for r in fit])
         motion = max(float(np.std(r.v[r.valid, axis])) for r in fit)
         least = MOVING if fit[0].order else BEYOND
+        if _is_alike(means, [float(np.std(r.v[r.valid, axis])) for r in fit]):
+            least = min(least, ALIKE)
         if np.ptp(means) > SAME * motion or np.abs(means).min() <= least * motion or motion == 0:
             continue
         offset = np.zeros(own[0].axes)
@@ -61,6 +66,11 @@ def levelled(records: Sequence[Record], stated: Mapping[str, float], model: Mode
         times = abs(offset[axis]) / motion
         said.append(f"v_{name} stands at {offset[axis]:.6g} V, {times:.3g} times its motion: taken off as an offset")
     return Levelled(own, left, tuple(said))
+
+
+def _is_alike(means: Floats, motions: Sequence[float]) -> bool:
+    """Whether runs of unlike strength stand at one place: what bends in a motion goes with its square."""
+    return max(motions) > LOUDER * min(motions) and float(np.ptp(means)) < APART * min(motions)
 
 
 def _still(records: Sequence[Record]) -> bool:
