@@ -45,9 +45,13 @@ def synchronised(
     records: Sequence[Record], nominal: Mapping[str, float], most: float
 ) -> tuple[tuple[Record, ...], tuple[str, ...]]:
     """The runs without a delay that is longer than ``most`` [s], that of any device, and what to say; as they are where
-    those to fit show none."""
+    those to fit show none, or no spring holds the mass."""
     fit = [record for record in records if record.role == "fit"]
-    if not fit or most * float(mode_frequencies(nominal, fit[0].axes)[-1]) > LONGEST:
+    if not fit:
+        return tuple(records), ()
+    modes = mode_frequencies(nominal, fit[0].axes)
+    duration = max(len(record.t) / record.sample_rate for record in fit)
+    if modes[0] * duration < 1 or most * modes[-1] > LONGEST:
         return tuple(records), ()
     late = lateness(fit, nominal, SLIGHTLY)
     if late is None or late.delay <= most:

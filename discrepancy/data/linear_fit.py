@@ -104,13 +104,13 @@ def _whole(valid: NDArray[np.bool_], starts: NDArray[np.int_], n: int, short: in
     whole = starts[sliding_window_view(valid, n)[starts].all(axis=1)]
     if len(whole):
         return whole
-    long = valid.copy()
-    for begin, end in gaps(valid):
-        long[begin:end] = end - begin <= short
-    return starts[sliding_window_view(long, n)[starts].all(axis=1)]
+    bridged = valid.copy()
+    for begin, end in _gaps(valid):
+        bridged[begin:end] = end - begin <= short
+    return starts[sliding_window_view(bridged, n)[starts].all(axis=1)]
 
 
-def gaps(valid: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _gaps(valid: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Where runs of masked samples begin and end."""
     edges = np.flatnonzero(np.diff(np.concatenate(([True], valid, [True])).astype(int)))
     return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
