@@ -219,7 +219,7 @@ void block_widen(filter *f, const double wide[NP])
 void block_make_triangular(double W[NP][NP])
 {
     double column[NP][NW];
-    wide_clear(column[0], NP);
+    wide_clear(column[0], NP * NB);
     for (int i = 0; i < NP; i++) {
         for (int j = 0; j < NP; j++) {
             column[j][i] = W[i][j];

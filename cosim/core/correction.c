@@ -58,10 +58,8 @@ double filter_correct_axis(filter *f, const double *c, const double *by_p, doubl
         *told = 0.0;
         return 0.0;
     }
-    wide_copy(by_p, 1, h);
-    for (int b = 0; b < ZB; b++) {
-        wide_row(Pc)[b] = (wide){0.0};
-    }
+    wide_copy(by_p, NB, h);
+    wide_clear(Pc, ZB);
     for (int i = 0; i < NZ; i++) {
         if (c[i] == 0.0) {
             continue;

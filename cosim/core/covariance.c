@@ -27,7 +27,7 @@ static void follow(double F[NZ][ZW], double M[NZ][ZW], double out[NZ][ZW])
 void covariance_add_constants(const moving *n, double W[NP][NP], double P[NZ][ZW])
 {
     double row[NP][NW], YW[NZ][NW];
-    wide_clear(row[0], NP);
+    wide_clear(row[0], NP * NB);
     for (int q = 0; q < NP; q++) {
         memcpy(row[q], W[q], NP * sizeof *row[q]);
     }
@@ -56,7 +56,7 @@ void covariance_predict(filter *f, double F[NZ][ZW], const passage *way)
     double FP[NZ][ZW], transposed[NZ][ZW], thermal[4];
     F[OMEGA][SLOPE] = T;
     follow(F, n->P, FP);
-    memset(transposed, 0, sizeof transposed);
+    wide_clear(transposed[0], NZ * ZB);
     for (int i = 0; i < NZ; i++) {
         for (int j = 0; j < NZ; j++) {
             transposed[i][j] = FP[j][i];

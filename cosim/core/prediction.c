@@ -81,7 +81,7 @@ static void find_slopes(const known *k, double h, const passage *way, double ome
 static void find_direct(const frame *w, const passage *way, double omega_z, const acting *force, const slopes *d, double direct[NS][NW])
 {
     const double mass = 1.0 / w->k->p[INVERSE_MASS];
-    wide_clear(direct[0], NS);
+    wide_clear(direct[0], NS * NB);
     for (int n = 0; n < NODES; n++) {
         spread_rate_by_parameter(w->k, way->s[n], force->f, omega_z, &d->by_rate[n][0][0], NS, direct[0]);
     }
@@ -167,7 +167,7 @@ static void move_lag(const frame *w, int n, const passage *way, const acting *fo
     const lagging *l = &w->m->pieces[n].lag;
     double *z = w->z + LAG, direct[2][NW];
     const double weights[2] = {l->start[0], l->end[0]};
-    wide_clear(direct[0], 2);
+    wide_clear(direct[0], 2 * NB);
     add_force_in_voltage(w, way->start, way->end, force, weights, direct[0]);
     for (int a = 0; a < 2; a++) {
         const double *by_state = e->by_state + a * NS * POINTS + 2 * n, *by_p = e->by_p + a * NV * POINTS + 2 * n;
@@ -202,14 +202,10 @@ static void move_through(const frame *w, int n, const acting *force, const contr
     slopes d;
     find_slopes(w->k, w->m->pieces[n].duration, way, w->z[OMEGA], &d);
     find_direct(w, way, w->z[OMEGA], force, &d, direct);
-    wide_copy(w->Y[0], NS, from[0]);
+    wide_copy(w->Y[0], NS * NB, from[0]);
     move_slopes(w, &d, from, direct);
-    for (int i = 0; i < NZ; i++) {
-        for (int b = 0; b < ZB; b++) {
-            wide_row(F[i])[b] = (wide){0.0};
-        }
-        F[i][i] = i == OMEGA || i == SLOPE ? 1.0 : 0.0;
-    }
+    wide_clear(F[0], NZ * ZB);
+    F[OMEGA][OMEGA] = F[SLOPE][SLOPE] = 1.0;
     for (int i = 0; i < NS; i++) {
         for (int j = 0; j < NS; j++) {
             F[i][j] = d.phi[i][j];

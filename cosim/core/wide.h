@@ -13,18 +13,18 @@ typedef double wide __attribute__((vector_size(8 * WIDE), aligned(8), may_alias)
 static inline wide *wide_row(double *row) { return (wide *)row; }
 static inline const wide *wide_of(const double *row) { return (const wide *)row; }
 
-/* Makes rows [count][NW] zero. */
+/* Makes `count` wide numbers zero. */
 static inline void wide_clear(double *rows, int count)
 {
-    for (int b = 0; b < count * NB; b++) {
+    for (int b = 0; b < count; b++) {
         wide_row(rows)[b] = (wide){0.0};
     }
 }
 
-/* out [count][NW] = rows. */
+/* out = rows, `count` wide numbers. */
 static inline void wide_copy(const double *rows, int count, double *out)
 {
-    for (int b = 0; b < count * NB; b++) {
+    for (int b = 0; b < count; b++) {
         wide_row(out)[b] = wide_of(rows)[b];
     }
 }

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from discrepancy.data.record import Floats, Record
+from discrepancy.data.stretches import stretches
 
 BEYOND, PEAK = 8.0, 50.0
 """Deviations of the noise, from which a force is no noise, and that a blow reaches: judgements. Of 60,000 samples of
@@ -51,8 +52,7 @@ def _blows(u: Floats) -> tuple[Floats, float]:
     loud = off > BEYOND * noise
     # What crosses zero within a blow is a part of it.
     loud = binary_dilation(loud, iterations=LEAST)
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], loud, [False])).astype(int)))
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+    for begin, end in stretches(loud):
         around = int(AROUND * (end - begin))
         loud[max(begin - around, 0) : end + around] = True
     quiet = np.where(loud, 0.0, u - level)

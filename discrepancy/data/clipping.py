@@ -12,6 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from discrepancy.data.stretches import stretches
+
 CROWDING: Final = 5.0
 """Times the next value's samples; above the 3 of a crest."""
 SAMPLES: Final = 8
@@ -77,9 +79,8 @@ def _over(below: NDArray[np.float64], stays: list[tuple[int, int]]) -> bool:
 def _stays(at_top: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Where the signal comes to its extreme, and where it has left: what noise takes away from a stay for a moment is
     part of it."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], at_top.astype(np.int8), [0]])))
     stays: list[tuple[int, int]] = []
-    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for begin, end in stretches(at_top):
         if stays and begin - stays[-1][1] < BESIDE * max(end - begin, stays[-1][1] - stays[-1][0]):
             begin = stays.pop()[0]
         stays.append((begin, end))

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import ceil, inf, pi, sqrt
+from math import ceil, inf
 from pathlib import Path
 from typing import Any, Final, NamedTuple, get_args
 
@@ -13,6 +13,7 @@ from discrepancy.data.blow import windowed
 from discrepancy.data.courses import leave_as_little
 from discrepancy.data.hold import RUNS_ON, better_hold
 from discrepancy.data.late import synchronised
+from discrepancy.data.linear_fit import is_held
 from discrepancy.data.linear_start import linear_start, one_an_axis, sensor_gains
 from discrepancy.data.modes import Mode
 from discrepancy.data.offset import levelled
@@ -148,17 +149,11 @@ class Dataset:
     @cached_property
     def modes(self) -> tuple[list[Mode], list[Mode]]:
         """The modes that the runs to fit show, one an axis and further ones."""
-        if self._moves_alone():
+        if not is_held(self.fit, self.nominal) and moves_alone(alternatives(self.fit, self.nominal["sense_gain_x"])):
             return [], []
         first, further = all_modes(self.fit)
         alone = one_an_axis(self.fit, self.nominal) if further else None
         return (alone, []) if alone and leave_as_little(self.fit, alone, [*first, *further]) else (first, further)
-
-    def _moves_alone(self) -> bool:
-        """Whether the runs to fit show a mass without a spring and what resists it, and nothing else."""
-        duration = max(len(record.t) / record.sample_rate for record in self.fit)
-        unsprung = sqrt(abs(self.nominal["kxx"] / self.nominal["m"])) * duration < 2 * pi
-        return unsprung and moves_alone(alternatives(self.fit, self.nominal["sense_gain_x"]))
 
     def _check_nominal(self) -> None:
         model = self.model
@@ -211,9 +206,7 @@ def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float],
     stated, sensed = _as_position(device | nominal, records)
     believed, found = _believed(stated, records)
     complete, more = _completed(believed | offset, axes)
-    records, late = (
-        synchronised(records, complete, _latest(model)) if complete.keys() >= {*NEEDED[axes]} else (records, ())
-    )
+    records, late = _in_time(records, complete, model)
     if late:
         believed, found = _believed(stated, records)
         complete, more = _completed(believed | offset, axes)
@@ -225,10 +218,16 @@ def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float],
                    any("hold" in run for run in runs))  # fmt: skip
 
 
-def _latest(model: Model) -> float:
-    """The longest delay that a device of the ``model`` may have [s]."""
+def _in_time(
+    records: tuple[Record, ...], nominal: Mapping[str, float], model: Model
+) -> tuple[tuple[Record, ...], tuple[str, ...]]:
+    """The runs without a delay that no device of the ``model`` has, and what to say; as they are where ``nominal`` or
+    the runs are not such as a data set may have."""
+    axes = {record.axes for record in records}
+    if len(axes) != 1 or not nominal.keys() >= {*NEEDED[axes.pop()]}:
+        return records, ()
     delays = [q.high for effect in model.effects if isinstance(effect, Delay) for q in effect.parameters]
-    return max(delays, default=inf)
+    return synchronised(records, nominal, max(delays, default=inf))
 
 
 def _since_start(record: Record) -> Record:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
 
-from discrepancy.data.linear_fit import LOWEST, mode_frequencies
+from discrepancy.data.linear_fit import LOWEST, is_held, mode_frequencies
 from discrepancy.data.linear_start import response
 from discrepancy.data.record import Floats, Record, is_driven
 
@@ -49,9 +49,7 @@ def synchronised(
     fit = [record for record in records if record.role == "fit"]
     if not fit:
         return tuple(records), ()
-    modes = mode_frequencies(nominal, fit[0].axes)
-    duration = max(len(record.t) / record.sample_rate for record in fit)
-    if modes[0] * duration < 1 or most * modes[-1] > LONGEST:
+    if not is_held(fit, nominal) or most * mode_frequencies(nominal, fit[0].axes)[-1] > LONGEST:
         return tuple(records), ()
     late = lateness(fit, nominal, SLIGHTLY)
     if late is None or late.delay <= most:

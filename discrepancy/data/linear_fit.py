@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from discrepancy.data.record import Floats, Record
+from discrepancy.data.stretches import stretches
 
 Complexes = NDArray[np.complex128]
 
@@ -43,6 +44,12 @@ def mode_frequencies(nominal: Mapping[str, float], axes: int) -> Floats:
     if axes == 2:
         stiffness = np.array([[nominal["kxx"], nominal["kxy"]], [nominal["kxy"], nominal["kyy"]]])
     return np.sqrt(np.maximum(np.linalg.eigvalsh(stiffness), 0) / nominal["m"]) / (2 * np.pi)
+
+
+def is_held(records: Sequence[Record], nominal: Mapping[str, float]) -> bool:
+    """Whether the longest run is as long as a period of the lowest mode: else no spring holds the mass in it."""
+    duration = max(len(record.t) / record.sample_rate for record in records)
+    return bool(mode_frequencies(nominal, records[0].axes)[0] * duration >= 1)
 
 
 @dataclass(frozen=True)
@@ -105,15 +112,9 @@ def _whole(valid: NDArray[np.bool_], starts: NDArray[np.int_], n: int, short: in
     if len(whole):
         return whole
     bridged = valid.copy()
-    for begin, end in _gaps(valid):
+    for begin, end in stretches(~valid):
         bridged[begin:end] = end - begin <= short
     return starts[sliding_window_view(bridged, n)[starts].all(axis=1)]
-
-
-def _gaps(valid: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Where runs of masked samples begin and end."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([True], valid, [True])).astype(int)))
-    return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
 
 
 def weak_form(

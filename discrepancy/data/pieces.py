@@ -10,6 +10,7 @@ from scipy.interpolate import make_interp_spline
 
 from discrepancy.data.record import MINIMUM_SAMPLES, MOST_MISSING, Floats, measured_rate
 from discrepancy.data.release import cut_off, released
+from discrepancy.data.stretches import stretches
 from discrepancy.data.trigger import late_by
 from gyro_model.errors import InputError
 from gyro_model.tables import SUFFIXES as LAB_SUFFIXES
@@ -243,8 +244,7 @@ def _long_gaps(columns: Mapping[str, Floats]) -> np.ndarray:
     gaps = ~np.all([np.isfinite(columns[c]) for c in ("v_x", "v_y") if c in columns], axis=0)
     if gaps.mean() > MOST_MISSING:
         return np.asarray(gaps)
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], gaps.astype(int), [0]))))
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+    for begin, end in stretches(gaps):
         if end - begin <= LONGEST_HOLE:
             gaps[begin:end] = False
     return np.asarray(gaps)

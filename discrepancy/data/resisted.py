@@ -8,7 +8,6 @@ While friction holds the mass at rest it takes up all of the force. Of a sensor 
 """
 
 from collections.abc import Sequence
-from copy import copy
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -58,11 +57,11 @@ def alternatives(records: Sequence[Record], gain: float) -> list[Resisted]:
     axes, a sensor of acceleration, and where no force acted."""
     if any(record.axes > 1 or record.order > 1 or not record.u.any() for record in records):
         return []
-    motions = [_Motion(record, gain) for record in records]
-    found = _alternatives(records, motions)
-    if any(own.rests and not own.surely for own in motions):
+    slow, still = ([_Motion(record, gain, at_rest=own) for record in records] for own in (1, None))
+    found = _alternatives(records, slow)
+    if [own.rests for own in slow] != [own.rests for own in still]:
         # A mass that turns round as the run begins has a speed of its own.
-        moving = _alternatives(records, [own if own.surely else own.moving() for own in motions])
+        moving = _alternatives(records, still)
         if moving and found and min(own.left for own in moving) < PLAINLY * min(own.left for own in found):
             return moving
     return found
@@ -107,9 +106,10 @@ def one_way(records: Sequence[Record]) -> bool:
 
 class _Motion:
     """What a run shows of a mass [m or m/s], and the forces [N] on it: that of the record, the same while the mass
-    moves, friction of 1 N, and a constant force of 1 N, also while it moves."""
+    moves, friction of 1 N, and a constant force of 1 N, also while it moves. at_rest: samples that it must stand still
+    for to rest as the run begins, None for as long as a rest between strokes."""
 
-    def __init__(self, record: Record, gain: float) -> None:
+    def __init__(self, record: Record, gain: float, at_rest: int | None = None) -> None:
         self.count, self.step, self.position = len(record.t), 1 / record.sample_rate, record.order == 0
         self.valid = record.valid
         self.moved: Floats = record.v[:, 0] * record.reference**record.order / gain
@@ -119,15 +119,9 @@ class _Motion:
         u = record.u[:, 0] if record.hold == "zero" else 0.5 * (record.u[:, 0] + np.append(record.u[1:, 0], 0.0))
         moves = np.abs(way)
         self.forces = np.vstack((u, u * moves, -way, np.ones(self.count), moves))
-        at_rest, least = moves < np.tanh(1.0), 2 * (self.count // SMOOTHED) + 1
-        self.rests, self.surely = bool(at_rest[0]), bool(at_rest[:least].all())
-        self.strokes = _strokes(at_rest, least)
-
-    def moving(self) -> "_Motion":
-        """The same of a mass that does not rest as the run begins."""
-        other = copy(self)
-        other.rests = False
-        return other
+        still, least = moves < np.tanh(1.0), 2 * (self.count // SMOOTHED) + 1
+        self.rests = bool(still[: at_rest or least].all())
+        self.strokes = _strokes(still, least)
 
     def columns(self, rate: float) -> Floats:
         """What each force makes of the motion of 1 kg whose speed is taken away at that ``rate`` [1/s], and the motion,

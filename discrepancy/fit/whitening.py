@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 from scipy.linalg import block_diag, expm
 
+from discrepancy.data.linear_fit import mode_frequencies
 from discrepancy.data.record import Bools, Floats
 from discrepancy.fit.colour import gain, predicted_out, response
 
@@ -272,7 +273,7 @@ def likeliest(
         )
 
     def under(colour: tuple[float, ...]) -> tuple[float, Setting]:
-        held = p["kxx"] * length**2 >= p["m"]
+        held = mode_frequencies(p, residuals[0].shape[1])[0] * length >= 1
         # What a model lacks of a mass that no spring holds adds up as what shakes it does.
         memories = MEMORIES if held else MEMORIES + UNHELD if faint else MEMORIES[:1]
         bandwidths = [memory / length for memory in memories]

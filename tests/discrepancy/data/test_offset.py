@@ -12,10 +12,10 @@ from gyro_model.model import load_model
 MODEL = load_model()
 
 
-def run(offset: float, force: float = 0.0, seed: int = 1) -> Record:
+def run(offset: float, force: float = 0.0, seed: int = 1, strength: float = 1.0) -> Record:
     rng = np.random.default_rng(seed)
     t = np.arange(2000) * 1e-4
-    v = np.sin(2 * np.pi * 100 * t)[:, None] + 1e-3 * rng.normal(size=(2000, 1)) + offset
+    v = strength * np.sin(2 * np.pi * 100 * t)[:, None] + 1e-3 * rng.normal(size=(2000, 1)) + offset
     u = np.cos(2 * np.pi * 100 * t)[:, None] + force
     return make_record(f"run-{seed}", t, u, v, sample_rate=1e4, role="fit", conditions={})
 
@@ -31,6 +31,21 @@ def test_an_offset_beyond_the_motion_is_taken_off_and_said() -> None:
     assert np.allclose([r.v.mean() for r in seen], [0.0, 10.0], atol=1e-3)
     # What the mean leaves is fitted, and not named.
     assert left.keys() == {"offset_x"}
+
+
+@pytest.mark.parametrize(("offset", "strength", "taken"), [(1.5, 0.25, True), (1.5, 1.0, False), (0.5, 0.25, False)])
+def test_runs_of_unlike_strength_that_stand_at_one_place_have_an_offset(
+    offset: float, strength: float, taken: bool
+) -> None:
+    runs, _, said = levelled([run(offset), run(offset, seed=2, strength=strength)], {}, MODEL)
+    assert bool(said) == taken
+    assert runs[0].v.mean() == pytest.approx(0.0 if taken else offset, abs=1e-3)
+
+
+def test_what_bends_with_the_motion_stays() -> None:
+    # A mean that goes with the square of the motion, 2.1 times the strongest.
+    runs = [run(1.5), run(1.5 / 16, seed=2, strength=0.25)]
+    assert levelled(runs, {}, MODEL).said == ()
 
 
 def test_what_may_be_the_device_s_own_stays() -> None:

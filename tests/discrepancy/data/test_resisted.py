@@ -22,10 +22,16 @@ MASS, DAMPING = 1.4e-4, 1.4e-4
 def motor(force: Callable[[float], float], friction: float = 0.0, constant: float = 0.0, senses: str = "position"
           ) -> Record:  # fmt: skip
     """An inertia on an encoder, or a tachometer, turned by ``force`` of time, which is held between samples."""
+    return turned(lambda t, x, v: force(t), friction, constant, senses)
+
+
+def turned(force: Callable[[float, float, float], float], friction: float, constant: float, senses: str = "position"
+           ) -> Record:  # fmt: skip
+    """The same by a force of time, place and speed."""
     x, v = 0.0, 0.0
-    seen, u = np.empty(SAMPLES), np.array([force(k / RATE) for k in range(SAMPLES)])
+    seen, u = np.empty(SAMPLES), np.empty(SAMPLES)
     for k in range(SAMPLES):
-        seen[k] = x if senses == "position" else v
+        seen[k], u[k] = x if senses == "position" else v, force(k / RATE, x, v)
         for _ in range(FINE):
             f = u[k] + constant - DAMPING * v
             if v == 0 and abs(f) <= friction:
@@ -147,22 +153,13 @@ def test_a_damping_that_is_none_need_not_be_known() -> None:
 
 def test_an_axis_in_its_loop_moves_by_what_resists_it_alone() -> None:
     """The force follows the tones of a reference, which a linear model takes for modes."""
-    seen, u = np.empty(SAMPLES), np.empty(SAMPLES)
-    x, v, friction, constant = 0.0, 0.0, 0.012, -0.004
-    for k in range(SAMPLES):
-        t = k / RATE
+
+    def follows(t: float, x: float, v: float) -> float:
         wanted = 2.0 * np.sin(2 * np.pi * 0.3 * t) + 0.5 * np.sin(2 * np.pi * 0.77 * t)
-        seen[k], u[k] = x, 0.02 * (wanted - x) - 2e-3 * v
-        for _ in range(FINE):
-            f = u[k] + constant - DAMPING * v
-            if v == 0 and abs(f) <= friction:
-                continue
-            after = v + (f - friction * np.sign(v or f)) / MASS / RATE / FINE
-            after = 0.0 if v * after < 0 else after
-            x, v = x + 0.5 * (v + after) / RATE / FINE, after
-    record = make_record("axis", np.arange(SAMPLES) / RATE, u[:, None], seen[:, None], sample_rate=RATE)
-    found = alternatives([record], 1.0)
-    assert moves_alone(found)
+        return float(0.02 * (wanted - x) - 2e-3 * v)
+
+    record = turned(follows, 0.012, -0.004)
+    assert moves_alone(alternatives([record], 1.0))
     assert not moves_alone(alternatives([motor(back_and_forth)], 1.0))
     data = Dataset(Path(), {"m": MASS, "kxx": 1e-9, "dxx": DAMPING, "sense_gain_x": 1.0},
                    (record, replace(record, role="held-out")))  # fmt: skip

@@ -14,10 +14,10 @@ from benchmarks.structures import Structure, chain, drawn, runs, runs_of
 from discrepancy.data.absorbers import carried
 from discrepancy.data.courses import left_by, may_act, plainly_act
 from discrepancy.data.linear_start import linear_start
-from discrepancy.data.modes import further_modes
-from discrepancy.data.record import Record, Senses
+from discrepancy.data.modes import Mode, further_modes
+from discrepancy.data.record import Record, Senses, make_record
 from discrepancy.data.rubbed import rubbed
-from discrepancy.data.weak_modes import all_modes
+from discrepancy.data.weak_modes import _without_tones, all_modes
 
 
 def structure(seed: int) -> tuple[Structure, list[Record]]:
@@ -167,3 +167,17 @@ def test_a_mass_that_others_hang_on_is_no_mass_without_a_spring() -> None:
     found = linear_start(records, (records[0].reference ** records[0].order,))
     assert found is not None
     assert np.sqrt(found["kxx"] / found["m"]) / (2 * np.pi) == pytest.approx(own.modes[0], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("mode", "whole", "stays"),
+    # In ten seconds: three periods; one that lasts; a load; and a slow mode of what a spring holds.
+    [((0.3, 20.0), True, False), ((2.0, 1e4), True, False), ((16.0, 25.0), True, True), ((0.3, 20.0), False, True)],
+)
+def test_tones_of_a_reference_are_no_modes_beside_a_motion_as_a_whole(
+    mode: tuple[float, float], whole: bool, stays: bool
+) -> None:
+    t = np.arange(1000) / 100
+    record = make_record("a", t, np.cos(t)[:, None], np.sin(t)[:, None], sample_rate=100.0)
+    modes = [*([Mode(1e-3, 1e-3, seen=False)] if whole else []), Mode(*mode, seen=True)]
+    assert (modes[-1] in _without_tones([record], modes)) == stays

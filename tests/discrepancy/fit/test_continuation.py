@@ -12,7 +12,7 @@ from scipy.signal import cont2discrete, lfilter, ss2tf
 from benchmarks.bent import Bent, runs
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.linear_start import linear_start
-from discrepancy.data.record import Senses, make_record
+from discrepancy.data.record import Record, Senses, make_record
 from discrepancy.fit.continuation import beginnings, cut, grown, in_pieces, leaves, nearly_settled, started, unsprung
 from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.measures import start_fitted
@@ -33,6 +33,12 @@ def _answer(u: np.ndarray, frequency: float) -> np.ndarray:
     return np.asarray(lfilter(numerator[0], denominator, u))
 
 
+def _shaken() -> Record:
+    """A run of the mode under a force that jumps at every sample."""
+    u = np.random.default_rng(2).standard_normal(SAMPLES)
+    return make_record("1", np.arange(SAMPLES) / RATE, u[:, None], _answer(u, OWN)[:, None], sample_rate=RATE)
+
+
 def test_a_run_that_stands_still_at_first_begins_at_rest() -> None:
     u = np.random.default_rng(2).standard_normal(SAMPLES)
     u[: SAMPLES // 2] = 0.0
@@ -50,8 +56,7 @@ def test_a_run_that_stands_still_at_first_begins_at_rest() -> None:
 
 
 def test_parameters_that_the_fmu_refuses_are_a_place_to_go_on_from() -> None:
-    u = np.random.default_rng(2).standard_normal(SAMPLES)
-    record = make_record("1", np.arange(SAMPLES) / RATE, u[:, None], _answer(u, OWN)[:, None], sample_rate=RATE)
+    record = _shaken()
     w = 2 * np.pi * OWN
     device = {"m": w**-2, "kxx": 1.0, "dxx": 1 / (w * Q), "sense_gain_x": 1.0}
     with Simulator(MODEL, 1) as simulator:
@@ -65,8 +70,7 @@ def test_parameters_that_the_fmu_refuses_are_a_place_to_go_on_from() -> None:
 
 
 def test_a_fit_of_pieces_goes_on_over_whole_runs() -> None:
-    u = np.random.default_rng(2).standard_normal(SAMPLES)
-    record = make_record("1", np.arange(SAMPLES) / RATE, u[:, None], _answer(u, OWN)[:, None], sample_rate=RATE)
+    record = _shaken()
     w = 2 * np.pi * OWN
     device = {"m": w**-2, "kxx": 1.01, "dxx": 1 / (w * Q), "sense_gain_x": 1.0}
     with Simulator(MODEL, 1) as simulator:
