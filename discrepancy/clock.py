@@ -52,6 +52,15 @@ class Clock:
             raise OutOfTime
 
     @contextmanager
+    def unhurried(self) -> Iterator[None]:
+        """Something short, without which all that came before would be in vain, whenever the present part is over."""
+        until, self.until = self.until, inf
+        try:
+            yield
+        finally:
+            self.until = until
+
+    @contextmanager
     def side_by_side(self) -> Iterator["Batch"]:
         """Parts of some work, which threads do beside each other; a part may do so itself."""
         batch = Batch(self)

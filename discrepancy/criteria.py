@@ -46,6 +46,12 @@ class Criteria:
     """The same from which something is left however small a share that is: a louder run shows what it is of."""
     noise_chance: float = 1e-8
     """Probability by chance at which innovations count as not white, by the largest of their spectral lines."""
+    white: float = 3.0
+    """Times the mean density that an octave of what is left may have, beside what chance allows, where nothing but
+    white noise is: what a model lacks is in some of them."""
+    faint_force: float = 0.015
+    """Share of the force's rms that noise in its record may be where the force is nowhere quiet, so that the record
+    does not show it: of four records 0.001 to 0.013 were."""
     worse: float = 1.0
     """Held-out misfit with an effect over that without, beyond which the effect is doubtful. The same noise is in both,
     so a difference is the effect's however small it is: of 237 sets of blind trials one got worse, by 0.4 %."""
@@ -69,6 +75,12 @@ class Criteria:
     prior_none: float = 0.01
     """Probability, before the data, that what is missing is in no file though a name fits: 3 of 252 single effects were
     named wrong in blind trials."""
+    half_left: float = 0.5
+    """Share of the refit's residual power, from which what the response shows of a resonator is no more than what
+    others show: of two sensors and one force one was named at a frequency of its own where 0.57 was left."""
+    unsettled: float = 100.0
+    """Variances that a further step would gain, from which values are not those of the likeliest model: two matrices of
+    gains were named at 0.96 and 0.99 in the place of a third and a delay, 350 short of it."""
     believed: float = 0.05
     """Probability below which an effect is not named where something is left: what leaves most of what it was to
     explain is one of many that imitate a part. Chosen on two measured sets, whose wrong names had 0.03 and 0.01."""
@@ -103,6 +115,7 @@ BOUNDS: Final[Mapping[str, Bounds]] = {
     "effect_chance": (1e-15, 0.1), "term_chance": (1e-15, 0.1), "clip_chance": (1e-15, 0.1), "material": (0.0, 0.5),
     "even": (0.0, 1e15), "simpler": (0.0, 100.0), "unseen": (0.0, 20.0), "left": (0.0, 1.0),
     "open_white": (1.0, 100.0), "open_coloured": (1.0, 100.0), "far_above": (1.0, 1e6), "noise_chance": (1e-15, 0.1),
+    "white": (1.0, 100.0), "faint_force": (0.0, 1.0), "half_left": (0.0, 1.0), "unsettled": (0.0, 1e15),
     "worse": (1.0, 10.0), "improbable": (0.0, 1.0), "thermal": (1.0, 1e6), "jitter": (1e-6, 1.0), "timer": (1e-6, 1.0),
     "coloured": (0.1, 1e6), "prior_none": (0.0, 0.5), "believed": (0.0, 1.0), "time_limit": (1.0, 1e6),
     "design_time": (0.1, 1e5)}  # fmt: skip

@@ -56,7 +56,8 @@ class Absorber(NamedTuple):
 class Carried(NamedTuple):
     """m [kg], stiffness [N/m] and damping [N.s/m] (axes, axes) of the mass without joints; its resonators, that which
     is coupled most first; friction [N] and cubic [N/m³], by which the spring bends, at each sensor, 0 where records
-    have no such course."""
+    have no such course; near_rest: by how much the friction is higher there, relative, and the speed [m/s] at which
+    that has faded."""
 
     m: float
     k: Floats
@@ -64,6 +65,7 @@ class Carried(NamedTuple):
     absorbers: tuple[Absorber, ...]
     friction: Floats
     cubic: Floats
+    near_rest: tuple[float, float] | None = None
 
 
 def carried(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[float]) -> Carried | None:

@@ -8,11 +8,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple, get_args
 
-from discrepancy.data.linear_fit import LOWEST
+from discrepancy.data.linear_fit import LOWEST, is_held
 from discrepancy.data.linear_start import response
 from discrepancy.data.modes import answering
 from discrepancy.data.record import Hold, Record, is_driven
 from discrepancy.data.residues import answered
+from discrepancy.data.resisted import Resisted, alternatives, fewest, leaves_noise
 
 RUNS_ON: Final[Hold] = "band-limited"
 """How a force runs on between samples that nobody has said a word about."""
@@ -25,6 +26,10 @@ ENOUGH: Final = 0.05
 OF_MODES, MOST_OF_MODES = 1.25, 0.2
 """The same two where several modes explain the response: of 47 structures, 18 of which rub, the wrong hold leaves 1.07
 to 36 times what the right one leaves, which is 0.003 to 0.2."""
+
+
+SURE: Final = 100.0
+"""Variances of noise by which what a mass that no spring holds leaves must differ, where it leaves nothing else."""
 
 
 class Better(NamedTuple):
@@ -41,7 +46,7 @@ def better_hold(records: Sequence[Record], nominal: Mapping[str, float]) -> Bett
     if not records or not is_driven(records):
         return None
     by_one = _better(records, _by_one_mode(records, nominal), DECISIVE, ENOUGH)
-    return by_one or _better(records, _by_modes(records), OF_MODES, MOST_OF_MODES)
+    return by_one or _better(records, _by_modes(records), OF_MODES, MOST_OF_MODES) or _by_mass(records, nominal)
 
 
 def _by_one_mode(records: Sequence[Record], nominal: Mapping[str, float]) -> dict[Hold, float]:
@@ -60,6 +65,23 @@ def _by_modes(records: Sequence[Record]) -> dict[Hold, float]:
     if len(modes) <= records[0].axes:
         return {}
     return {hold: answered(own, modes, higher=True).left for hold, own in _held(records)}
+
+
+def _by_mass(records: Sequence[Record], nominal: Mapping[str, float]) -> Better | None:
+    """The hold with which a mass that no spring holds, and what resists it, leave nothing but noise, which hides how
+    much less that is."""
+    if is_held(records, nominal):
+        return None
+    gain, found = nominal["sense_gain_x"], dict[Hold, Resisted]()
+    for hold, own in _held(records):
+        told = fewest(alternatives(own, gain))
+        if told is None:
+            return None
+        found[hold] = told
+    decisive = 1 + SURE / sum(int(record.valid.sum()) for record in records)
+    better = _better(records, {hold: told.left**2 for hold, told in found.items()}, decisive, ENOUGH)
+    run_on = [replace(record, hold=better.hold) for record in records] if better else []
+    return better if better and leaves_noise(run_on, gain, found[better.hold]) else None
 
 
 def _held(records: Sequence[Record]) -> list[tuple[Hold, list[Record]]]:

@@ -36,6 +36,9 @@ BEYOND: Final = 1e9
 ALONE: Final = 0.05
 """Share of the motion's rms that is left at most by a mass and forces which are all that moves it: 0.013 of an axis in
 its loop with friction and a constant force, 0.28 and more of shafts that carry a load by a spring."""
+NEW: Final = 0.9
+"""Share of twice its square that the square of the steps of noise has at least: 0.99 of a sensor of displacement, 0.6
+where the force that was taken for a held one ran on, by which more than that is hidden."""
 HELD: Final = [1, 2, 4]
 """Forces that rest acts on, of those of a motion."""
 
@@ -87,6 +90,16 @@ def moves_alone(found: Sequence[Resisted]) -> bool:
     a linear model sees, as the tones of a loop's reference, the force has made."""
     told = fewest(found)
     return told is not None and bool(told.friction or told.constant) and told.left <= ALONE
+
+
+def leaves_noise(records: Sequence[Record], gain: float, told: Resisted) -> bool:
+    """Whether what is ``told`` leaves no more of the motion than noise of the sensors, which is new at each sample."""
+    own = [1 if told.friction else 0, 2, 4 if told.friction else 3]
+    sizes = np.array([1.0, told.friction, told.constant]) / told.m
+    left = [columns[:, -1] - columns[:, own] @ sizes for record in records
+            for columns in (_Motion(record, gain).columns(told.d / told.m),)]  # fmt: skip
+    steps = sum(float(np.sum(np.diff(rest) ** 2)) for rest in left)
+    return steps > NEW * 2 * sum(float(rest @ rest) for rest in left)
 
 
 def one_way(records: Sequence[Record]) -> bool:

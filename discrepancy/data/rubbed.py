@@ -25,7 +25,7 @@ SLOWEST: Final = 8.0
 
 def rubbed(records: Sequence[Record]) -> list[Record]:
     """The records with the course of a friction of 1 N at the sensors."""
-    return [replace(record, courses={**record.courses, "friction": -sign(_speed(record))}) for record in records]
+    return [replace(record, courses={**record.courses, "friction": -sign(speed_of(record))}) for record in records]
 
 
 def sign(speed: Floats) -> Floats:
@@ -33,8 +33,8 @@ def sign(speed: Floats) -> Floats:
     return np.asarray(np.tanh(speed / np.maximum(AT_REST * np.abs(speed).max(axis=0), 1e-300)))
 
 
-def _speed(record: Record) -> Floats:
-    """The speed (n, axes), without unit and as far as noise lets see it."""
+def speed_of(record: Record) -> Floats:
+    """The speed (n, axes), as what is measured by the sample and as far as noise lets see it."""
     if record.order == 0:
         speed = np.gradient(record.v, axis=0)
     elif record.order == 1:

@@ -26,10 +26,6 @@ QUIET: Final = 0.2
 scatter of 31 half-overlapping windows puts that 15 % below the mean density, 8 % in rms."""
 ALIKE: Final = 1.5
 """Ratio of the two rms up to which they are one: the first is known to the filter's settings, to some ten per cent."""
-SLIGHT: Final = 0.015
-"""Share of the force's rms that such noise may be where the force is nowhere quiet, and its record does not show it."""
-WHITE: Final = 3.0
-"""Times the mean density that an octave of the rest may then have: what a model lacks is no white force."""
 
 RMS = size("force_noise", "N", "rms of the noise in the recorded force a sample", low=0.0)
 
@@ -52,7 +48,7 @@ def find(at: Fitted, records: Sequence[Record], criteria: Criteria) -> Mapping[s
 def _may_be(at: Fitted, records: Sequence[Record], criteria: Criteria, rms: float) -> bool:
     """Whether a noise of ``rms`` [N] that is below all that the force's record shows may be in it."""
     force = float(np.sqrt(np.mean(np.concatenate([r.u.ravel() for r in records]) ** 2)))
-    return rms <= SLIGHT * force and is_white(at, records, criteria.noise_chance, WHITE)
+    return rms <= criteria.faint_force * force and is_white(at, records, criteria)
 
 
 def _floor(records: Sequence[Record]) -> float:

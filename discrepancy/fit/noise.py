@@ -15,6 +15,7 @@ from scipy.stats import chi2
 
 from discrepancy.data.linear_fit import mode_frequencies
 from discrepancy.data.modes import band_of
+from discrepancy.criteria import Criteria
 from discrepancy.data.record import Bools, Floats, Record
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.whitening import Setting, lifted, misfit_under, top_rate, whitener
@@ -172,11 +173,11 @@ def unlike_flicker(at: Fitted, records: Sequence[Record], chance: float, times: 
     return _furthest(found.only(slow | (found.ratio < 1)), chance, times)
 
 
-def is_white(at: Fitted, records: Sequence[Record], chance: float, times: float) -> bool:
-    """Whether no octave of what the filter leaves of the residual has ``times`` the mean density, but where ``chance``
-    would make it so. What a model lacks adds to some; parameters that are fitted take away of others."""
+def is_white(at: Fitted, records: Sequence[Record], criteria: Criteria) -> bool:
+    """Whether no octave of what the filter leaves of the residual has so much more than the mean density, but where
+    chance would make it so. What a model lacks adds to some; parameters that are fitted take away of others."""
     found = _octaves(at, records)
-    return _furthest(found.only(found.ratio > 1), chance, times) is None
+    return _furthest(found.only(found.ratio > 1), criteria.noise_chance, criteria.white) is None
 
 
 class _Octaves(NamedTuple):

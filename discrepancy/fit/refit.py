@@ -224,11 +224,12 @@ class Fitter:
 
     def off(self, at: Fitted) -> float:
         """The residual over the signal, rms; where nothing moves there is none to be off."""
-        # A motion near all bounds is off by infinity.
+        # A motion near all bounds is off by infinity, and so is one that left them.
         with np.errstate(over="ignore"):
             error = sum(float(np.sum(e[r.valid] ** 2)) for e, r in zip(at.residuals, self.records, strict=True))
         signal = sum(float(np.sum(r.v[r.valid] ** 2)) for r in self.records)
-        return float(np.sqrt(error / signal)) if signal else 0.0
+        off = float(np.sqrt(error / signal)) if signal else 0.0
+        return off if np.isfinite(off) else float(np.inf)
 
     def target(self, at: Fitted) -> float:
         """The change of the voltage [V rms] that a difference quotient should make."""

@@ -40,6 +40,8 @@ scored."""
 STRAIGHTER: Final = 0.25
 """Share of that which forces of third order may leave, to be what bends the response."""
 
+SOMEWHAT: Final = 0.7
+"""The same in decays, where it is the fit to whole runs that says whether they do."""
 AS_LITTLE: Final = 1.5
 """Times the least that a model leaves of pieces, that one of fewer effects may leave."""
 
@@ -57,12 +59,15 @@ def bending(search: Search) -> Taken | None:
     linear = fit(form, search.nominal)
     upright = all(told.linear[name] > 0 for name in ("m", "kxx", "kyy") if name in told.linear)
     far = BOTH if any(told.friction) else FAR
-    if (driven and linear.unexplained < far) or told.left > STRAIGHTER * linear.unexplained or not upright:
+    straighter = told.left < (STRAIGHTER if driven else SOMEWHAT) * linear.unexplained
+    if (driven and linear.unexplained < far) or not straighter or not upright:
         return None
     plain = whole.fit(replace(search.at, whiten=whole.plain(search.at.parameters)))
     if driven:
         return _of_driven(search, told, plain)
-    return _of_decays(search, told, plain)
+    if told.left < STRAIGHTER * linear.unexplained and (found := _of_decays(search, told, plain)):
+        return found
+    return _of_decays_in_step(search, told)
 
 
 def _of_driven(search: Search, told: Bent, plain: Fitted) -> Taken | None:
@@ -144,6 +149,23 @@ def _of_decays(search: Search, told: Bent, plain: Fitted) -> Taken | None:
     begun = _begun(search, search.at, best.taken, told)
     found = best._replace(at=whole.evaluated(replace(begun, starts=best.at.starts[::number])))
     return found._replace(at=all_free(whole, found))
+
+
+def _of_decays_in_step(search: Search, told: Bent) -> Taken | None:
+    """The same where whole runs stay in step: noise leaves a weak form little to see of what bends by the width of a
+    resonance, and a score sees neither of two such forces without the other."""
+    whole, ends = search.whole, []
+    begun = with_starts(whole, search.at, ROUNDS)
+    linear = fitted_from(whole, whole.evaluated(replace(begun, free=search.at.free)))
+    for taken in _choices(search, whole, linear, told):
+        begun = _begun(search, linear, taken, told)
+        # The weak form has fitted all but the initial states.
+        starts = with_starts(whole, begun, ROUNDS).starts
+        ends.append(Taken(whole.evaluated(replace(begun, starts=starts)), taken, linear))
+    best = min(ends, key=lambda end: end.price(search.criteria), default=None)
+    if best is None or whole.off(best.at) > PLAINLY * whole.off(linear):
+        return None
+    return best._replace(at=all_free(whole, best))
 
 
 def _choices(search: Search, fitter: Fitter, at: Fitted, told: Bent) -> list[tuple[Candidate, ...]]:

@@ -1,12 +1,16 @@
 """Resonators that a mass carries: in its model before anything else is scored, since a linear fit ends at the mass of
 one mode an axis, beside which no column shows another."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 
 from discrepancy.clock import OutOfTime
-from discrepancy.data.absorbers import carried
-from discrepancy.data.courses import views
-from discrepancy.data.record import is_driven
+from discrepancy.data.absorbers import Carried, carried
+from discrepancy.data.courses import beside as beside_courses
+from discrepancy.data.courses import left_by, may_act, views
+from discrepancy.data.inverse import structures
+from discrepancy.data.modes import Mode
+from discrepancy.data.record import Record, is_driven
 from discrepancy.data.speeds import are_displacements, as_speeds
 from discrepancy.name.accepted import Taken
 from discrepancy.name.resonators import begun_with, beside, fitted_from, price, resonators, with_all_shapes
@@ -18,12 +22,10 @@ def resonating(search: Search) -> Taken | None:
     answer as a mass that carries them and a fit with them leaves plainly less; None where not."""
     records, whole = search.dataset.fit, search.whole
     gains = [search.nominal[f"sense_gain_{axis}"] for axis in "xy"[: whole.axes]]
-    first, further = search.given.modes
-    modes = sorted([*first, *further])
-    if not (is_driven(records) and len(modes) > whole.axes):
+    if not is_driven(records):
         return None
-    shown = [*views(records, modes), *(views(as_speeds(records), modes) if are_displacements(records) else ())]
-    answers = [told for own in shown if (told := carried(own, modes, gains))]
+    first, further = search.given.modes
+    answers = _answers(records, sorted([*first, *further]), gains)
     found = [(told, taken) for told in answers if (taken := resonators(search, told))]
     if not found:
         return None
@@ -41,3 +43,15 @@ def resonating(search: Search) -> Taken | None:
     with suppress(OutOfTime):
         best = with_all_shapes(held, best)
     return against.taken(search, best)
+
+
+def _answers(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[float]) -> list[Carried]:
+    """What the mass carries by its response to the force, and by the force that its motion asks for where it may
+    rub."""
+    found = []
+    if len(modes) > len(gains):
+        shown = [*views(records, modes), *(views(as_speeds(records), modes) if are_displacements(records) else ())]
+        found += [told for own in shown if (told := carried(own, modes, gains))]
+    if may_act(left_by(records, modes), beside_courses(records, ("friction",)), modes):
+        found += structures(records, gains[0])
+    return found

@@ -15,7 +15,7 @@ from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted, bare
 from discrepancy.fit.refit import Fitter
 from discrepancy.name.accepted import Taken
-from discrepancy.name.columns import Candidate
+from discrepancy.name.columns import Candidate, left_out, with_part
 from discrepancy.name.cubic import cubic_sizes
 from discrepancy.name.more_modes import resonator_axis
 from discrepancy.name.resistance import is_friction
@@ -50,7 +50,10 @@ class Beside(NamedTuple):
         if near is whole:
             return best
         search.simulator.forget(near.records)
-        return Taken(whole.evaluated(replace(best.at, whiten=self.plain.whiten)), best.taken, self.plain)
+        with search.simulator.clock.unhurried():
+            at = whole.evaluated(replace(best.at, whiten=self.plain.whiten))
+        # A friction that is too steep for whole runs is none that could be fitted.
+        return Taken(at, best.taken, self.plain) if np.isfinite(at.cost) else None
 
 
 def beside(search: Search) -> Beside:
@@ -69,8 +72,9 @@ def price(search: Search, own: Taken) -> float:
 
 def fitted_from(fitter: Fitter, begun: Fitted, goal: float = inf) -> Fitted:
     """The fit from there, as far as it may cost less than ``goal``; by beginnings that grow where it is not in step
-    with the motion yet."""
-    return fitter.fit(grown(fitter, begun) if fitter.off(begun) > ASTRAY else begun, goal=goal)
+    with the motion yet, unless these lead further off."""
+    near = grown(fitter, begun) if fitter.off(begun) > ASTRAY else begun
+    return fitter.fit(min(near, begun, key=lambda at: at.cost), goal=goal)
 
 
 def with_all_shapes(fitter: Fitter, own: Taken) -> Taken:
@@ -121,6 +125,7 @@ def _made(search: Search, told: Carried) -> list[Resonator]:
     found = []
     if told.friction.any():
         for own in steepest(search, is_friction).values():
+            own = _near_rest(own, told.near_rest) if told.near_rest else own
             sizes = {p.quantity.name: float(f) for p, f in zip(own.probes, told.friction, strict=True)}
             found.append(Resonator(own, sizes, 0.0))
     cubic = [(float(k3), 0.0) for k3 in told.cubic]
@@ -128,6 +133,17 @@ def _made(search: Search, told: Carried) -> list[Resonator]:
         sizes = cubic_sizes(own.effect, cubic)
         found.append(Resonator(own, {p.quantity.name: sizes[p.quantity.name] for p in own.probes}, 0.0))
     return found
+
+
+def _near_rest(friction: Candidate, excess: tuple[float, float]) -> Candidate:
+    """``friction`` with its part that fades with speed, if it has one: by how much it exceeds the rest, and the speed at
+    which that has faded, which may be elsewhere than on its grid."""
+    part = left_out(friction.effect, ())
+    if part is None or len(part.shapes) != 1:
+        return friction
+    values = dict(zip((part.size.name, part.shapes[0].name), excess, strict=True))
+    ends = {name: own for name, own in friction.ends.items() if name not in values}
+    return replace(with_part(friction, part, values), ends=ends)
 
 
 def _bends(effect: Effect | Defect, cubic: Sequence[tuple[float, float]]) -> bool:

@@ -37,13 +37,6 @@ of the way."""
 FAR_FROM_THERMAL: Final = 1000.0
 """Times the thermal force beyond which by how much is not told."""
 
-MUCH: Final = 0.5
-"""Share of the refit's residual power, from which what the response shows of a resonator is no more than what others
-show: of two sensors and one force one was named at a frequency of its own where 0.57 was left."""
-SHORT: Final = 100.0
-"""Variances that a further step would gain, from which values are not those of the likeliest model: two matrices of
-gains were named at 0.96 and 0.99 in the place of a third and a delay, 350 short of it."""
-
 LOUDER: Final = 3.0
 """Times the noise of the runs to fit, in proportion to the motion where that is larger, that is still believed to be
 noise of held-out runs. Chosen, not measured: one clipped run showed 36 times."""
@@ -231,7 +224,7 @@ def probability(
     the response itself, where nothing speaks against it, it has taken something away, and little is left.
     """
     shown = shown and not against and _brought(finding.id, rest, stages) >= search.criteria.believed
-    shown = shown and rest.share <= MUCH
+    shown = shown and rest.share <= search.criteria.half_left
     entry = next((a for a in search.accepted if a.id == finding.id), None)
     weights = list(_weights(entry).values()) if entry else []
     if entry and not (entry.asked or shown or entry.id in search.partners):
@@ -239,7 +232,7 @@ def probability(
     found = (1 - search.criteria.prior_none) / (1 + sum(weights))
     if rest.significant and not shown:
         found *= 1 - max(rest.share, 0.5)
-    if rest.above and not rest.significant and SHORT < search.at.left < inf:
+    if rest.above and not rest.significant and search.criteria.unsettled < search.at.left < inf:
         found *= 0.5
     if (rest.above or rest.significant) and not shown:
         found *= _brought(finding.id, rest, stages)

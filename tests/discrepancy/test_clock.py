@@ -102,3 +102,12 @@ def test_a_step_that_does_not_end_is_undone() -> None:
 
         assert attempt(begun, "all of it", half) == replace(begun, undone=("all of it",))
     assert lines == ["out of time: all of it"]
+
+
+def test_what_is_short_and_without_which_all_was_in_vain_is_not_cut_off() -> None:
+    clock = Clock()
+    clock.until = -1.0
+    with clock.unhurried():
+        clock.check()
+    with pytest.raises(OutOfTime):
+        clock.check()

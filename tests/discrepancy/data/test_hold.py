@@ -115,3 +115,29 @@ def test_a_force_that_ran_on_is_seen_though_the_spring_hardens() -> None:
     found = better_hold(runs, values)
     assert found is not None
     assert found.hold == "band-limited"
+
+
+def pushed(name: str, rng: np.random.Generator, noise: float) -> Record:
+    """A mass of 4.7 kg on air from rest, pushed by a smooth force in steps of a twentieth of a sample."""
+    rate, m, d, fine, count = 2000.0, 4.7, 0.9, 20, 12000
+    t, step = np.arange(fine * count) / (fine * rate), 1 / (fine * rate)
+    u = sum(np.sin(w * t + rng.uniform(0, 2 * np.pi)) for w in 2 * np.pi * np.arange(2.0, 80.0, 1.5))
+    kept = np.exp(-d / m * step)
+    speed = np.concatenate(([0.0], lfilter([(1 - kept) / d], [1.0, -kept], 0.5 * (u[1:] + u[:-1]))))
+    x = np.concatenate(([0.0], np.cumsum(0.5 * step * (speed[1:] + speed[:-1]))))[::fine]
+    # Of what it swings by beside where it goes.
+    swings = x - np.polynomial.Polynomial.fit(t[::fine], x, 3)(t[::fine])
+    v = x + noise * swings.std() * rng.standard_normal(count)
+    return make_record(name, np.arange(count) / rate, u[::fine], v, sample_rate=rate)
+
+
+def test_of_a_mass_that_nothing_holds_half_a_sample_shows_beside_noise() -> None:
+    rng = np.random.default_rng(4)
+    records = [pushed(name, rng, 0.01) for name in "ab"]
+    nominal = linear_start(records, (1.0,))
+    assert nominal is not None
+    better = better_hold(records, nominal)
+    # Noise hides by how much: the hold that is given leaves no three times as much.
+    assert better is not None and better.hold == "band-limited" and better.given < 3 * better.left
+    # Of a force that is said to run on nothing else is better.
+    assert better_hold([replace(record, hold=better.hold) for record in records], nominal) is None

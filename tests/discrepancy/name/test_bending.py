@@ -137,3 +137,45 @@ def test_a_bent_spring_that_rubs_is_named_under_sweeps(rubbing: Dataset) -> None
     assert values["k3_x"] == pytest.approx(RUBBING.k3 * 1e-18, rel=1e-3)
     assert values["friction_x"] == pytest.approx(RUBBING.friction, rel=1e-3)
     assert values["friction_speed"] == pytest.approx(RUBBING.speed * 1e6, rel=0.1)
+
+
+def test_a_spring_and_a_damping_that_bend_by_no_more_than_a_resonance_are_found_together() -> None:
+    # A resonator as small as they are made, let go three times, whose speed is seen in noise: no score sees either of
+    # the two without the other.
+    w, far, rate = 2 * np.pi * 12e3, 4e-6, 1e5
+    k3, d2 = 2e-3 * w**2 / far**2, 1.2 * (w / 900) / far**2
+
+    def swung(state: Floats) -> Floats:
+        return np.array([state[1], -(w / 900 + d2 * state[0] ** 2) * state[1] - (w**2 + k3 * state[0] ** 2) * state[0]])
+
+    def decay(name: str, role: str, begin: float) -> Record:
+        rng, h, state, v = (
+            np.random.default_rng(int(1e7 * begin)),
+            1 / (12 * rate),
+            np.array([begin, 0.0]),
+            np.zeros(8000),
+        )
+        for i in range(len(v)):
+            v[i] = state[1]
+            for _ in range(12):
+                a = swung(state)
+                b = swung(state + h / 2 * a)
+                c = swung(state + h / 2 * b)
+                state = state + h / 6 * (a + 2 * b + 2 * c + swung(state + h * c))
+        noisy = v + 1e-3 * np.abs(v).max() * rng.standard_normal(len(v))
+        return make_record(name, np.arange(len(v)) / rate, np.zeros(len(v)), noisy, role=role, senses="velocity")
+
+    records = (decay("a", "fit", 4e-6), decay("b", "fit", 3e-6), decay("c", "held-out", 2e-6))
+    gain = records[0].reference
+    nominal = linear_start(records[:2], (gain,))
+    assert nominal is not None
+    data, lines = Dataset(Path("here"), nominal, records, estimated=("kxx", "dxx")), list[str]()
+    found = diagnose(data, load_model(), jobs=1, progress=lines.append)
+    assert {e.id for e in found.effects} == {"cubic_stiffness", "nonlinear_damping"}
+    # Else a hysteresis is taken for them, and its rivals take the time.
+    assert not any("hysteresis" in line for line in lines)
+    assert found.verdict == "missing effects"
+    for effect, name, true in zip(found.effects, ("k3_x", "d2_x"), (k3, d2), strict=True):
+        value = effect.parameters[name]
+        # Twice the 95 % interval: one of 16,000 leaves it by chance.
+        assert abs(value.value - true) < value.high - value.low, name
