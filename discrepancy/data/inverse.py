@@ -57,8 +57,9 @@ ROOM: Final = 0.5, 4.0
 
 
 class Inverse(NamedTuple):
-    """mass [kg], damping [N s/m], stiffness to the ground [N/m], friction [N]; near_rest: as that of ``Carried``; loads:
-    the pole [1/s] of each, and the a and b of its answer to the acceleration; left: share of the force's power."""
+    """mass [kg], damping [N s/m], stiffness to the ground [N/m], friction [N]; near_rest: as that of ``Carried``;
+    loads: the pole [1/s] of each, and the a and b of its answer to the acceleration; left: share of the force's
+    power."""
 
     m: float
     d: float

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.optimize import brentq, minimize, minimize_scalar
 from scipy.stats import chi2
 
+from discrepancy.criteria import Criteria
 from discrepancy.data.linear_fit import mode_frequencies
 from discrepancy.data.modes import band_of
-from discrepancy.criteria import Criteria
 from discrepancy.data.record import Bools, Floats, Record
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.whitening import Setting, lifted, misfit_under, top_rate, whitener

@@ -134,6 +134,9 @@ class Grids:
         gain = abs(at.parameters["sense_gain_x"])
         if of in ("x", "y"):
             return max(float(np.max(np.abs(r.v - np.median(r.v, axis=0))[r.valid])) for r in self.records) / gain
+        if of in ("x_dot", "y_dot") and self.records[0].order:
+            # Of a sensor of velocity it is what is seen, of acceleration what that is at the reference.
+            return self._size(of[0], at) * self.records[0].reference
         if of in ("x_dot", "y_dot"):
             steps = [np.abs(np.diff(v, axis=0)).max() for v in self._simulated(at)]
             return float(max(steps)) / (gain * self.period)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import inf
+from math import inf, isfinite
 from typing import Final, NamedTuple
 
 from scipy.stats import chi2
@@ -96,10 +96,10 @@ def _failing(search: Search) -> list[_Failing]:
 
 def unasked(search: Search) -> dict[str, Dropped]:
     """By id, the effects whose interval holds neutral, of a search that had no time to put what it accepted to the
-    test."""
-    if search.questioned:
+    test; none where no interval is known, since its runs took too long to change anything in them."""
+    deviations, partners = {} if search.questioned else search.fitter.deviations(search.at), search.partners
+    if not any(map(isfinite, deviations.values())):
         return {}
-    deviations, partners = search.fitter.deviations(search.at), search.partners
     found = {a.id: _neutral(search, a, deviations) for a in search.accepted if a.id not in partners}
     return {name: dropped for name, dropped in found.items() if dropped is not None}
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import inf, pi, sqrt
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from sympy import Symbol, solve
@@ -24,6 +24,10 @@ from discrepancy.name.search import Search
 from discrepancy.name.shaping import freed, unmoved
 from gyro_model import symbols
 from gyro_model.anatomy import Effect, Force
+
+STEEPER: Final = 10.0
+"""Times steeper than at the first point of its grid, that a friction may become beside resonators. Ten times more takes
+ten times as long: of drives that stick no name was left where the time was over."""
 
 
 class Resonator(NamedTuple):
@@ -125,6 +129,7 @@ def _made(search: Search, told: Carried) -> list[Resonator]:
     found = []
     if told.friction.any():
         for own in steepest(search, is_friction).values():
+            own = _no_steeper(own)
             own = _near_rest(own, told.near_rest) if told.near_rest else own
             sizes = {p.quantity.name: float(f) for p, f in zip(own.probes, told.friction, strict=True)}
             found.append(Resonator(own, sizes, 0.0))
@@ -135,9 +140,20 @@ def _made(search: Search, told: Carried) -> list[Resonator]:
     return found
 
 
+def _no_steeper(friction: Candidate) -> Candidate:
+    """``friction`` that is not to be much steeper than at the first point of its grid: of a mass that is held again and
+    again little shows it, and whole runs take too long to fit."""
+    ends = {}
+    for q in friction.searched:
+        if q.search:
+            low, high = friction.ends.get(q.name, (friction.shapes[q.name],) * 2)
+            ends[q.name] = (max(low, friction.shapes[q.name] * q.search.below / STEEPER), high)
+    return replace(friction, ends=ends)
+
+
 def _near_rest(friction: Candidate, excess: tuple[float, float]) -> Candidate:
-    """``friction`` with its part that fades with speed, if it has one: by how much it exceeds the rest, and the speed at
-    which that has faded, which may be elsewhere than on its grid."""
+    """``friction`` with its part that fades with speed, if it has one: by how much it exceeds the rest, and the speed
+    at which that has faded, which may be elsewhere than on its grid."""
     part = left_out(friction.effect, ())
     if part is None or len(part.shapes) != 1:
         return friction

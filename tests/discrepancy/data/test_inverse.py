@@ -48,7 +48,7 @@ def test_mass_friction_and_loads_come_out(friction: float, senses: Senses) -> No
 
 
 def test_a_friction_that_is_higher_near_rest_is_told_as_such() -> None:
-    own, faded, records = shaft(0.3, 0.6, "velocity")
+    _own, faded, records = shaft(0.3, 0.6, "velocity")
     told = structures(records, gain(records))[-1]
     assert told.near_rest is not None
     excess, speed = told.near_rest
