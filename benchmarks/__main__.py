@@ -36,6 +36,7 @@ NAMES = (
     "drives",
     "drives_damped",
     "drives_rubbing",
+    "drives_sticking",
     "rubbing",
     "resting",
     "bent",

@@ -50,6 +50,9 @@ FADED: Final = np.geomspace(0.1, 1.0, 7)
 PLAINLY: Final = 0.8
 """Share of what is left (power) without it, that is left at most with a load, with a spring to the ground, and with a
 friction that is higher near rest."""
+RUBS: Final = 0.9
+"""The same with a friction: 0.87 of an accelerometer, whose speed wanders, where friction is half of the force; 1.00 of
+shafts that do not rub."""
 BADLY: Final = 0.3
 """Share of the force's power that is left, from which nothing is told."""
 ROOM: Final = 0.5, 4.0
@@ -72,11 +75,12 @@ class Inverse(NamedTuple):
 
 class _Trial(NamedTuple):
     """Poles [1/s] of loads; held: whether a spring holds the mass; faded: the speed [m/s] at which a friction is no
-    longer higher than elsewhere, None where it never is."""
+    longer higher than elsewhere, None where it never is; rubs: whether there is one."""
 
     poles: tuple[complex, ...] = ()
     held: bool = False
     faded: float | None = None
+    rubs: bool = True
 
 
 def structures(records: Sequence[Record], gain: float) -> list[Carried]:
@@ -120,7 +124,7 @@ class _Run:
         is not known, are from the run's start on."""
         acceleration, speed, place, way = self.seen.T
         one = np.ones_like(way)
-        columns = [acceleration, speed, one, way]
+        columns = [acceleration, speed, one, *([way] if trial.rubs else [])]
         columns += [] if trial.faded is None else [way * np.exp(-((speed / trial.faded) ** 2))]
         columns += [place] if trial.held else []
         begun = [one] if trial.held and self.starts_anywhere else []
@@ -186,14 +190,16 @@ def _with_loads(runs: Sequence[_Run]) -> list[Inverse]:
     high = 1 / (FASTEST * runs[0].step)
     tried = [_pole(frequency, QUALITY) for frequency in np.geomspace(low, max(low, high), POINTS)]
     found: list[Inverse] = []
-    while len(found) < MOST:
+    while len(trial.poles) < MOST:
         more = (trial._replace(poles=(*trial.poles, pole)) for pole in tried)
         trial = _refined(runs, min(more, key=lambda own: _left(runs, own)))
         left = _left(runs, trial)
         if left > PLAINLY * last:
             break
         last = left
-        found.append(_solved(runs, _higher_near_rest(runs, trial)))
+        # Of a shaft that does not rub the response shows more.
+        if left < RUBS * _left(runs, trial._replace(rubs=False)):
+            found.append(_solved(runs, _higher_near_rest(runs, trial)))
     return found
 
 

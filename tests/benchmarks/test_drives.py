@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import drives, drives_damped, drives_rubbing, structures
+from benchmarks import drives, drives_damped, drives_rubbing, drives_sticking, structures
 from benchmarks.drives import band, drawn
 from benchmarks.structures import Outcome
 
@@ -39,7 +39,13 @@ def test_no_peak_shows_the_load_of_a_motor_that_is_damped_heavily(seed: int) -> 
 
 
 @pytest.mark.parametrize(
-    ("benchmark", "name"), [(drives, "drives"), (drives_damped, "drives_damped"), (drives_rubbing, "drives_rubbing")]
+    ("benchmark", "name"),
+    [
+        (drives, "drives"),
+        (drives_damped, "drives_damped"),
+        (drives_rubbing, "drives_rubbing"),
+        (drives_sticking, "drives_sticking"),
+    ],
 )
 def test_the_report_is_of_drives(benchmark: Any, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     values = {"refit": 0.9, "final": 3e-3, "over noise": 1.0, "s": 10.0, "s of processor": 10.0}

@@ -59,7 +59,7 @@ def test_a_friction_that_is_higher_near_rest_is_told_as_such() -> None:
 
 
 def test_an_accelerometer_shows_the_load_too() -> None:
-    own, _, records = shaft(0.3, senses="acceleration")
+    own, _, records = shaft(0.5, senses="acceleration")
     told = structures(records, gain(records))[-1]
     # Its speed is an integral, which wanders: where the motor stands it seems to move.
     assert min(abs(one.frequency / held(own)[0] - 1) for one in told.absorbers) < 0.03
@@ -76,6 +76,8 @@ def test_a_mass_that_carries_nothing_has_no_structure() -> None:
 
 
 def test_what_no_friction_holds_back_is_left_to_the_response() -> None:
+    _, _, smooth = shaft(0.0, senses="velocity")
+    assert structures(smooth, gain(smooth)) == []
     _, _, records = shaft(0.3)
     free = [replace(record, u=np.zeros_like(record.u)) for record in records]
     two = [replace(r, u=np.hstack((r.u, r.u)), v=np.hstack((r.v, r.v))) for r in records]
