@@ -52,6 +52,6 @@ def _answers(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[f
     if len(modes) > len(gains):
         shown = [*views(records, modes), *(views(as_speeds(records), modes) if are_displacements(records) else ())]
         found += [told for own in shown if (told := carried(own, modes, gains))]
-    if may_act(left_by(records, modes), beside_courses(records, ("friction",)), modes):
+    if len(gains) == 1 and may_act(left_by(records, modes), beside_courses(records, ("friction",)), modes):
         found += structures(records, gains[0])
     return found

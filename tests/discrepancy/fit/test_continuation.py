@@ -39,6 +39,17 @@ def _shaken() -> Record:
     return make_record("1", np.arange(SAMPLES) / RATE, u[:, None], _answer(u, OWN)[:, None], sample_rate=RATE)
 
 
+def test_a_motion_out_of_bounds_is_further_off_than_any_other() -> None:
+    w = 2 * np.pi * OWN
+    device = {"m": w**-2, "kxx": 1.0, "dxx": 1 / (w * Q), "sense_gain_x": 1.0}
+    with Simulator(MODEL, 1) as simulator:
+        whole = Fitter(simulator, (_shaken(),))
+        at = whole.begin(device)
+        lost = replace(at, residuals=tuple(np.full_like(own, np.nan) for own in at.residuals))
+        # Of starts that are sorted by it the lost one is the last.
+        assert min((lost, at), key=whole.off) is at and whole.off(lost) == np.inf
+
+
 def test_a_run_that_stands_still_at_first_begins_at_rest() -> None:
     u = np.random.default_rng(2).standard_normal(SAMPLES)
     u[: SAMPLES // 2] = 0.0

@@ -55,6 +55,16 @@ def test_a_grid_spans_its_scale(swing, of, scale):
     assert [q.name for q in points.moved] == ["any"]
 
 
+@pytest.mark.parametrize("senses", ["velocity", "acceleration"])
+def test_the_speed_of_what_is_seen_by_other_sensors(swing, senses):
+    grids, at = swing
+    [own] = grids.records
+    record = make_record(own.name, own.t, own.u, own.v, senses=senses)
+    points = Grids((record,), grids.period).of([searched(Grid.log(1, 1, of="x_dot", points=1))], at)
+    # 37.7 mm/s, of a frequency that its spectrum has to a bin of 50 Hz.
+    assert points.values[0]["any"] == pytest.approx(3.77e-2, rel=0.03)
+
+
 def test_a_fit_of_pieces_has_the_scales_of_the_whole(swing):
     grids, at = swing
     pieces = replace(at, residuals=(np.zeros((1500, 1)), np.zeros((2500, 1))))
