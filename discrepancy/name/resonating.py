@@ -40,9 +40,11 @@ def resonating(search: Search) -> Taken | None:
     with suppress(OutOfTime):
         ends.append(other._replace(at=fitted_from(held, other.at)))
     best = min(ends, key=lambda own: price(search, own))
+    shaped = best
     with suppress(OutOfTime):
-        best = with_all_shapes(held, best)
-    return against.taken(search, best)
+        shaped = with_all_shapes(held, best)
+    # A friction may become so steep over openings that no whole run ends in time.
+    return against.taken(search, shaped) or against.taken(search, best)
 
 
 def _answers(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[float]) -> list[Carried]:
