@@ -13,6 +13,7 @@ from benchmarks.drives import band, drawn
 from benchmarks.report import Options, Report
 from benchmarks.rubbing import Rubbing, motion, outcome
 from benchmarks.structures import NOISE, Outcome, drawn_record, runs_of
+from discrepancy.data.record import Hold, Senses
 
 SEEDS: Final = 20
 FIRST: Final = 5721
@@ -27,8 +28,14 @@ def measure(seed: int) -> Outcome:
     structure = drawn(rng)._replace(sensed=0)
     senses, hold = drawn_record(rng)
     own = Rubbing(structure, float(np.exp(rng.uniform(*np.log(FRICTION)))), 0.0, 1.0)
-    what = f"{len(structure.mass)} masses, {own.friction:.3f} N, {senses}, hold {hold}, seed {seed}"
-    records = runs_of(band(structure), rng, senses, hold, NOISE, lambda u, step: motion(own, u, step, hold))
+    return told_of(own, senses, hold, rng, seed)
+
+
+def told_of(own: Rubbing, senses: Senses, hold: Hold, rng: np.random.Generator, seed: int) -> Outcome:
+    """The diagnosis of a drive that rubs so."""
+    more = f"excess {own.excess:g}, " if own.excess else ""
+    what = f"{len(own.structure.mass)} masses, {own.friction:.3f} N, {more}{senses}, hold {hold}, seed {seed}"
+    records = runs_of(band(own.structure), rng, senses, hold, NOISE, lambda u, step: motion(own, u, step, hold))
     return outcome(own, what, records, NOISE)
 
 

@@ -9,10 +9,11 @@ from typing import Final
 import numpy as np
 
 from benchmarks import structures
-from benchmarks.drives import band, drawn
+from benchmarks.drives import drawn
+from benchmarks.drives_rubbing import told_of
 from benchmarks.report import Options, Report
-from benchmarks.rubbing import FADED, Rubbing, motion, outcome
-from benchmarks.structures import NOISE, Outcome, drawn_record, runs_of
+from benchmarks.rubbing import Rubbing, fading
+from benchmarks.structures import Outcome, drawn_record
 
 SEEDS: Final = 20
 FIRST: Final = 8301
@@ -29,12 +30,7 @@ def measure(seed: int) -> Outcome:
     structure = drawn(rng)._replace(sensed=0)
     senses, hold = drawn_record(rng)
     friction, excess = float(np.exp(rng.uniform(*np.log(FRICTION)))), float(rng.choice(BREAKAWAY))
-    speed = FADED / float(np.sqrt(4 * structure.damping[0, 0] * structure.mass[0, 0] * structure.modes[-1]))
-    own = Rubbing(structure, friction, excess, speed)
-    what = (f"{len(structure.mass)} masses, {own.friction:.3f} N, excess {excess:g}, {senses}, hold {hold}, "
-            f"seed {seed}")  # fmt: skip
-    records = runs_of(band(structure), rng, senses, hold, NOISE, lambda u, step: motion(own, u, step, hold))
-    return outcome(own, what, records, NOISE)
+    return told_of(Rubbing(structure, friction, excess, fading(structure)), senses, hold, rng, seed)
 
 
 def make_report(seeds: Sequence[int], jobs: int) -> Report:

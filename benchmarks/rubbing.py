@@ -87,13 +87,17 @@ def motion(own: Rubbing, u: Floats, step: float, hold: Hold, begin: Floats | Non
     return found
 
 
+def fading(structure: Structure) -> float:
+    """The speed [m/s] over which what friction has more at rest fades."""
+    # Under a white force of 1 N rms over the modes a mass has a mean squared speed of 1/(4 d m band).
+    return FADED / float(np.sqrt(4 * structure.damping[0, 0] * structure.mass[0, 0] * structure.modes[-1]))
+
+
 def drawn(rng: np.random.Generator) -> Rubbing:
     """A chain and its friction."""
     structure = chain(rng, int(rng.integers(1, 4)))
     friction, excess = float(np.exp(rng.uniform(*np.log(FRICTION)))), float(rng.choice(BREAKAWAY))
-    # Under a white force of 1 N rms over the modes a mass has a mean squared speed of 1/(4 d m band).
-    speed = FADED / float(np.sqrt(4 * structure.damping[0, 0] * structure.mass[0, 0] * structure.modes[-1]))
-    return Rubbing(structure, friction, excess, speed)
+    return Rubbing(structure, friction, excess, fading(structure))
 
 
 def measure(seed: int) -> Outcome:

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import eigh
 
 from benchmarks.drives import band, drawn
-from benchmarks.rubbing import Rubbing, motion
+from benchmarks.rubbing import Rubbing, fading, motion
 from benchmarks.structures import Structure, runs_of
 from discrepancy.data.inverse import structures
 from discrepancy.data.record import Record, Senses
@@ -19,7 +19,7 @@ def shaft(friction: float, excess: float = 0.0, senses: Senses = "position") -> 
     """A motor that carries a load and rubs, by how much more near rest, and the speed at which that has faded; its two
     runs to fit."""
     own = drawn(np.random.default_rng(8101))._replace(sensed=0)
-    faded = 0.3 / float(np.sqrt(4 * own.damping[0, 0] * own.mass[0, 0] * own.modes[-1]))
+    faded = 3 * fading(own)
     rubbing = Rubbing(own, friction, excess, faded)
     rng = np.random.default_rng(1)
     runs = runs_of(band(own), rng, senses, "zero", NOISE, lambda u, step: motion(rubbing, u, step, "zero"))

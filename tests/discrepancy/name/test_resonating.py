@@ -23,6 +23,7 @@ from discrepancy.fit.simulate import Simulator
 from discrepancy.name import resonating
 from discrepancy.name.begin import FIRST
 from discrepancy.name.columns import Library
+from discrepancy.name.resonators import STEEPER, begun_with
 from discrepancy.name.resonators import resonators as told_resonators
 from discrepancy.tell.answer import Diagnosis, Value
 from gyro_model.model import load_model
@@ -175,3 +176,28 @@ def test_no_load_is_damped_as_the_tone_of_a_loop_would_be() -> None:
         assert told_resonators(search, told(-120.0)) == []
         [own] = told_resonators(search, told(-120.0, 0.3))
         assert own.joint == 0.3
+
+
+def test_a_friction_beside_loads_is_higher_near_rest_where_that_is_told_and_not_much_steeper_than_its_grid() -> None:
+    rng = np.random.default_rng(1)
+    record = make_record(
+        "1", np.arange(800) / 100, rng.standard_normal(800), rng.standard_normal(800), sample_rate=100.0
+    )
+    device = {"m": 1.0, "kxx": 6e3, "dxx": 1.0, "sense_gain_x": 1.0}
+    one = np.array([[1.0]])
+    with Simulator(load_model(), jobs=1) as simulator:
+        whole = Fitter(simulator, (record,))
+        at = whole.begin(device)
+        search = blank_search(
+            whole=whole, at=at, library=Library(whole), simulator=simulator, nominal=device, terms=(),
+            given=SimpleNamespace(copies={}),
+        )  # fmt: skip
+        for excess in (None, (0.6, 0.02)):
+            told = Carried(1.0, 6e3 * one, one, (), np.array([0.1]), np.zeros(1), excess)
+            begun = begun_with(search, whole, told, [], at, jointed=False)
+            own, [friction] = begun.at.parameters, begun.taken
+            assert own["friction_x"] == 0.1
+            assert (own["stribeck"], own["stribeck_speed"])[: 2 * bool(excess)] == (excess or ())
+            assert own["stribeck"] == (excess or (0.0,))[0]
+            [speed] = [free for free in friction.free(whole.period) if free.name == "friction_speed"]
+            assert speed.low == pytest.approx(own["friction_speed"] / STEEPER)
