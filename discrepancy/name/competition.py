@@ -58,7 +58,9 @@ def _close(search: Search, worth: list[Scored]) -> list[Scored]:
 
     first = open_still(worth)[:RIVALS]
     peaks = [peak for c, _ in first for peak in open_still(next_peaks(c, search.scored))[:1]]
-    return [*first, *peaks, *(form for c, _ in first for form in open_still(other_forms(c, search.scored)))]
+    forms = [form for c, _ in first for form in open_still(other_forms(c, search.scored))]
+    # One of equal height with the best of its grid may be both.
+    return list({id(c): (c, s) for c, s in (*first, *peaks, *forms)}.values())
 
 
 def refitted(
@@ -68,19 +70,21 @@ def refitted(
     significant, is left where that shows. Where columns promise what a fit then brings, one without shapes that
     promises no more is not fitted: which of the two it is, is asked when all else is in the model (``exchange``)."""
     fits: list[Refit] = []
-    brought = -inf
+    brought: dict[str, float] = {}
     for fit in begun:
-        promised = fit.score.gain - price(search.criteria, fit.candidate, fit.score.freedom)
-        if promised < brought + search.criteria.even and _linear(fit.candidate):
+        own, promised = fit.candidate.effect.id, fit.score.gain - price(search.criteria, fit.candidate, fit.score.freedom)
+        # Of orders of one filter, which small lags do not tell apart, each is fitted here or never.
+        others = max((gain for name, gain in brought.items() if name != own), default=-inf)
+        if promised < others + search.criteria.even and _linear(fit.candidate):
             continue
         enough = view.at.cost - _needed(search.criteria, fit) * view.at.variance
         goal = min((f.at.cost + 4 * search.criteria.even * f.at.variance for f in fits), default=enough)
-        others = _otherwise(search, view, fit, goal, fits) if elsewhere else []
-        ends = [view.of(fit.at, goal, rounds), *others]
+        ends = [view.of(fit.at, goal, rounds)]
+        ends += _otherwise(search, view, fit, goal, fits) if elsewhere else []
         fits.append(fit._replace(at=_simplest(search.criteria, ends, fit.score.inflation)))
         gained = (view.at.cost - fits[-1].at.cost) / fits[-1].at.variance
         if _linear(fit.candidate) and abs(gained / fit.score.gain - 1) < AS_PROMISED:
-            brought = max(brought, promised)
+            brought[own] = max(brought.get(own, -inf), promised)
     # A fit that predicts a sample ahead what the model lacks may leave the motion: by that no effect is missing. What
     # a model in step lacks besides takes it as far: an angular gain without the cubic spring, from 0.011 to 0.020.
     return [fit for fit in fits if not leaves(view.fitter, fit.at, view.at)]

@@ -100,6 +100,16 @@ def test_one_that_promises_no_more_waits_and_is_tried_in_the_end(simulated: list
         assert not simulated
 
 
+def test_every_order_of_a_filter_is_fitted() -> None:
+    """Small lags do not tell them apart, and no other effect that is asked later stands for one that is not."""
+    with Simulator(MODEL, 1) as simulator:
+        search = look(begin(Given(made({"actuator_delay": DELAY})), simulator))
+        orders = [(c, s) for c, s in search.scored if c.effect.id == "voltage_filter"]
+        begun = [Refit(search.with_effect(*search.view, c, s), c, s) for c, s in orders]
+        found = refitted(search, search.view, begun)
+    assert [fit.candidate.shapes["voltage_filter_order"] for fit in found] == [1.0, 2.0, 4.0]
+
+
 @pytest.mark.parametrize(("worse", "named"), [(8.0, True), (11.0, True), (14.0, False)])
 def test_a_rival_as_probable_as_the_name_is_its_either(
     monkeypatch: pytest.MonkeyPatch, worse: float, named: bool
