@@ -72,7 +72,8 @@ def refitted(
     fits: list[Refit] = []
     brought: dict[str, float] = {}
     for fit in begun:
-        own, promised = fit.candidate.effect.id, fit.score.gain - price(search.criteria, fit.candidate, fit.score.freedom)
+        own = fit.candidate.effect.id
+        promised = fit.score.gain - price(search.criteria, fit.candidate, fit.score.freedom)
         # Of orders of one filter, which small lags do not tell apart, each is fitted here or never.
         others = max((gain for name, gain in brought.items() if name != own), default=-inf)
         if promised < others + search.criteria.even and _linear(fit.candidate):
