@@ -44,7 +44,7 @@ def resonating(search: Search) -> Taken | None:
     with suppress(OutOfTime):
         shaped = with_all_shapes(held, best)
     # A friction may become so steep over openings that no whole run ends in time.
-    return against.taken(search, shaped) or against.taken(search, best)
+    return against.taken(search, shaped) or against.taken(search, None if shaped is best else best)
 
 
 def _answers(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[float]) -> list[Carried]:

@@ -23,7 +23,7 @@ from discrepancy.fit.simulate import Simulator
 from discrepancy.name import resonating
 from discrepancy.name.begin import FIRST
 from discrepancy.name.columns import Library
-from discrepancy.name.resonators import STEEPER, begun_with
+from discrepancy.name.resonators import STEEPER, Beside, begun_with
 from discrepancy.name.resonators import resonators as told_resonators
 from discrepancy.tell.answer import Diagnosis, Value
 from gyro_model.model import load_model
@@ -137,6 +137,22 @@ def test_what_there_was_time_for_stands(monkeypatch: pytest.MonkeyPatch) -> None
     found = answer(chain(), dxx=250.0)
     assert fitted[0] < ASTRAY
     assert len(resonators(found)) == 2
+
+
+def test_a_fit_of_all_shapes_with_which_no_whole_run_ends_gives_way_to_the_one_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tried: list[Any] = []
+    own = Beside.taken
+
+    def refused(self: Beside, search: Any, best: Any) -> Any:
+        tried.append(best)
+        return None if len(tried) == 1 else own(self, search, best)
+
+    monkeypatch.setattr(resonating, "with_all_shapes", lambda _, best: best._replace())
+    monkeypatch.setattr(Beside, "taken", refused)
+    assert len(resonators(answer(chain()))) == 2
+    assert tried[0] is not tried[1]
 
 
 def test_without_the_time_for_it_the_model_stays_as_it_was() -> None:

@@ -18,7 +18,7 @@ from discrepancy.name import look as looking
 from discrepancy.name.accepted import Accepted, Instead, Refit
 from discrepancy.name.begin import begin
 from discrepancy.name.columns import Candidate, Probe
-from discrepancy.name.competition import refitted
+from discrepancy.name.competition import refitted, rivals
 from discrepancy.name.exchange import _trial_parts, exchange
 from discrepancy.name.extend import extend
 from discrepancy.name.look import look
@@ -107,7 +107,10 @@ def test_every_order_of_a_filter_is_fitted() -> None:
         orders = [(c, s) for c, s in search.scored if c.effect.id == "voltage_filter"]
         begun = [Refit(search.with_effect(*search.view, c, s), c, s) for c, s in orders]
         found = refitted(search, search.view, begun)
+        asked = [(c.effect.id, *c.shapes.items()) for c, _ in rivals(search, search.significant())]
     assert [fit.candidate.shapes["voltage_filter_order"] for fit in found] == [1.0, 2.0, 4.0]
+    assert sum(name == "voltage_filter" for name, *_ in asked) == 3
+    assert len(set(asked)) == len(asked)
 
 
 @pytest.mark.parametrize(("worse", "named"), [(8.0, True), (11.0, True), (14.0, False)])
