@@ -8,7 +8,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from discrepancy.tell.answer import Diagnosis
-from gyrotwin.numbers import significant, uncertain
+from gyrotwin.numbers import in_unit, significant, uncertain
 from gyrotwin.terminal_table import Table
 
 PARTLY: Final = "partly explained"
@@ -58,7 +58,7 @@ def verdict(report: Mapping[str, Any]) -> str:
 
 
 def _defect(defect: Mapping[str, Any]) -> str:
-    values = ", ".join(f"{name} = {_value(p)} {p['unit']}" for name, p in defect["parameters"].items())
+    values = ", ".join(f"{name} = {in_unit(_value(p), p['unit'])}" for name, p in defect["parameters"].items())
     instead = f" (or {', '.join(defect['either'])})" if defect["either"] else ""
     return f"{defect['id']}{instead}, {values}, taken into account"
 

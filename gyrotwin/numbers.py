@@ -45,6 +45,11 @@ def unit(text: str) -> str:
     return re.sub(r"(?<=[A-Za-z])[2-9]", lambda power: power[0].translate(_POWERS), rooted).replace(".", "·")
 
 
+def in_unit(number: str, name: str) -> str:
+    """Return a number with its unit as ``unit`` prints it; one without dimension, whose unit is 1, alone."""
+    return number if name == "1" else f"{number} {unit(name)}"
+
+
 def hertz(value: float) -> str:
     """Return a frequency [Hz] in Hz, or in kHz from 10 kHz on."""
     return f"{value / 1e3:.4g} kHz" if value >= 1e4 else f"{value:.0f} Hz" if value >= 100 else f"{value:.3g} Hz"

@@ -122,6 +122,7 @@ def template(name: str) -> jinja2.Template:
         "uncertain",
         "hertz",
         "unit",
+        "in_unit",
         "with_error",
     ):
         environment.filters[filter_name] = getattr(numbers, filter_name)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gyrotwin.numbers import significant, with_error
+from gyrotwin.numbers import in_unit, significant, with_error
 
 
 @pytest.mark.parametrize(
@@ -21,3 +21,8 @@ def test_significant_digits(value: float | None, digits: int, text: str) -> None
 )  # fmt: skip
 def test_no_number_is_finer_than_its_error(value: float, error: float | None, text: str) -> None:
     assert with_error(value, error) == text
+
+
+def test_a_number_without_dimension_stands_alone() -> None:
+    assert in_unit("2", "1") == "2"
+    assert in_unit("7.1e+02", "N.s/m3") == "7.1e+02 N·s/m³"
